@@ -22,14 +22,14 @@ from pathlib import Path
 import pandas as pd
 from gate_patches import HEAVY, HELPER, LATE, PATCHES, QUARTER, SAME, TOY, patched
 
-from hdvplan.bench.comparing.decision import Verdict
+from hdvplan.bench.comparing.decision import GateVerdict
 from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import load_average, machine_facts
 from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 
 QUIET, LOADED = "as it is", "one busy process more"
-VERDICTS = {0: Verdict.FINE, 1: Verdict.REGRESSED, 3: Verdict.UNMEASURABLE}
+VERDICTS = {0: GateVerdict.FINE, 1: GateVerdict.REGRESSED, 3: GateVerdict.UNMEASURABLE}
 LIMITS = ("--time-limit", "20", "--patience", "60")  # [s]; a process of the toy takes 0.2
 
 
@@ -95,10 +95,10 @@ def table_of(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
     found = []
     for (program, situation), mine in pd.DataFrame(rows).groupby(["program", "situation"], sort=False):
         verdicts = mine["verdict"].tolist()
-        told = mine.loc[mine["verdict"] != str(Verdict.FINE), "said"]
+        told = mine.loc[mine["verdict"] != str(GateVerdict.FINE), "said"]
         found.append(
             {"program": program, "situation": situation, "comparisons": len(mine)}
-            | {str(name): verdicts.count(str(name)) for name in Verdict}
+            | {str(name): verdicts.count(str(name)) for name in GateVerdict}
             | {"longest [s]": round(float(mine["seconds"].max()), 1), "said": "" if told.empty else told.iloc[0]}
         )
     return pd.DataFrame(found)

@@ -9,8 +9,8 @@ from reference_scenes import Quantities, Told
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.counters import COUNTS, LENGTHS, WORK, Tolerance, changes_of
 from hdvplan.bench.comparing.decision import Pairs, Rule, agreement, decide
-from hdvplan.bench.measuring.acceptance import accepted
 from hdvplan.bench.measuring.ranking import load_of, of_group, ranked_times, ranking
+from hdvplan.bench.measuring.referee import accepted
 from hdvplan.bench.suite import KEY
 
 _STEPS = 40

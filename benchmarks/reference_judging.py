@@ -28,7 +28,7 @@ _ROUNDING_M = 5e-3  # of a judged plan, as the reference's own room
 
 
 def judged(told: Told) -> Quantities:
-    """Return envelope, room, breaches, verdict and manners of a prescribed motion: the road's own curvature, and a sine beside it."""
+    """Return envelope, room, breaches, verdict and steering of a prescribed motion: the road's own curvature, and a sine beside it."""
     case = case_of(told)
     try:
         result = result_of(_prescribed(case, told), solver=case.solver, objective=case.objective)
@@ -101,9 +101,9 @@ def _of_verdict(result: Result) -> Quantities:
 
 
 def _of_steering(result: Result) -> Quantities:
-    manners = steering_of(result.drive)
-    found: Quantities = {"swings": len(manners.swings)}
-    for name, use in (("curvature", manners.curvature), ("rate", manners.rate)):
+    steering = steering_of(result.drive)
+    found: Quantities = {"swings": len(steering.swings)}
+    for name, use in (("curvature", steering.curvature), ("rate", steering.rate)):
         found |= {f"{name} share": use.share, f"{name} full": sum(last - first for first, last in use.stretches)}
     return found
 

@@ -15,7 +15,7 @@ import pandas as pd
 from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 from hdvplan.turning.reversing.answer import reversing
-from hdvplan.turning.reversing.options import PlaceOptions, Template
+from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.vehicle.load import load_vehicle, parse_vehicle
 from hdvplan.vehicle.model import Vehicle
 
@@ -53,26 +53,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     write_record(asked.out, [])
 
 
-def _cases() -> list[tuple[Template, Vehicle, str, PlaceOptions]]:
+def _cases() -> list[tuple[Template, Vehicle, str, SiteOptions]]:
     refuse = parse_vehicle(_REFUSE, default_name="refuse")
     turned = [
-        (Template.THREE_POINT, "walls", PlaceOptions()),
-        (Template.THREE_POINT, "kerbs, 0.5 m of overhang", PlaceOptions(overhang=0.5)),
-        (Template.HAMMERHEAD, "4.8 m, kerbs of 6 m", PlaceOptions()),
-        (Template.HAMMERHEAD, "the same, 0.6 m of overhang", PlaceOptions(overhang=0.6)),
-        (Template.SIDE_HEAD, "4.8 m, kerbs of 6 m", PlaceOptions()),
+        (Template.THREE_POINT, "walls", SiteOptions()),
+        (Template.THREE_POINT, "kerbs, 0.5 m of overhang", SiteOptions(overhang=0.5)),
+        (Template.HAMMERHEAD, "4.8 m, kerbs of 6 m", SiteOptions()),
+        (Template.HAMMERHEAD, "the same, 0.6 m of overhang", SiteOptions(overhang=0.6)),
+        (Template.SIDE_HEAD, "4.8 m, kerbs of 6 m", SiteOptions()),
     ]
     cases = [(template, refuse, place, options) for template, place, options in turned]
-    cases += [(Template.THREE_POINT, load_vehicle(name), "walls", PlaceOptions()) for name in ("citaro", "rigid-truck")]
+    cases += [(Template.THREE_POINT, load_vehicle(name), "walls", SiteOptions()) for name in ("citaro", "rigid-truck")]
     rigs = load_vehicle("tractor-semitrailer"), load_vehicle("WB-62")
     for template in (Template.DOCK_90, Template.DOCK_45):
         for spacing in _KINGSLEY:
-            cases += [(template, vehicle, f"doors {spacing:g} m", PlaceOptions(door_spacing=spacing)) for vehicle in rigs]
-        cases += [(template, load_vehicle(name), "doors 4 m", PlaceOptions(door_spacing=4.0)) for name in _RIGS]
+            cases += [(template, vehicle, f"doors {spacing:g} m", SiteOptions(door_spacing=spacing)) for vehicle in rigs]
+        cases += [(template, load_vehicle(name), "doors 4 m", SiteOptions(door_spacing=4.0)) for name in _RIGS]
     return cases
 
 
-def _rows(template: Template, vehicle: Vehicle, place: str, options: PlaceOptions, starts: int) -> list[dict[str, object]]:
+def _rows(template: Template, vehicle: Vehicle, place: str, options: SiteOptions, starts: int) -> list[dict[str, object]]:
     began = process_time()
     answer = reversing(vehicle, template, options, starts=starts, all_legs=True)
     taken = process_time() - began

@@ -17,8 +17,6 @@ from hdvplan.planning.planner import Plan
 from hdvplan.proof.answer import proved
 from hdvplan.solvers.registry import SolverClass, SolverMaker, dependable, solver_named
 
-_FREE_M = 1e4  # that limits give way where a plan shall meet none: longer than any road is wide
-
 
 def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Result:
     """Plan ``case.vehicle`` along the whole of ``case.road`` in receding horizon, and judge the plan by an exact simulation.
@@ -40,7 +38,7 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
         if road.street is None:
             raise
         # Limits led to where motion along the line has no model. What a plan without them lacks is an answer, an error would be none.
-        free = replace(own, settings=replace(case.settings, give_way=_FREE_M))
+        free = replace(own, settings=case.settings.unlimited)
         executed = replace(drive_case(free, on_progress=on_progress), settings=case.settings)
     return result_of(executed, solver=case.solver, objective=case.objective, passed=passed)
 

@@ -1,4 +1,4 @@
-"""Drives of several legs, forwards and rear first: from a file to a judged plan."""
+"""Drives of several legs, forwards and rear first: from a file to a judged plan, whose cusps are moved where the drawn ones lack room."""
 
 from __future__ import annotations
 
@@ -6,26 +6,38 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from hdvplan.cusps import with_room
-from hdvplan.driving.drive import Drive
+import numpy as np
+import scipy
+
+from hdvplan.arrays import FloatArray
+from hdvplan.driving.drive import POSE_SPACING_M, Drive
 from hdvplan.driving.lead_line import lead_line
 from hdvplan.driving.legs import drive_legs
-from hdvplan.errors import RoadError
+from hdvplan.errors import HdvplanError, PlanError, RoadError
 from hdvplan.judging.legs import LegsResult
 from hdvplan.judging.result import result_of
 from hdvplan.planning.objectives import Objective, objective_named
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.road.legs import Legs
+from hdvplan.road.joints import joined
+from hdvplan.road.legs import Leg, Legs
 from hdvplan.road.load import find_road
-from hdvplan.road.load_legs import legs_of
+from hdvplan.road.load_legs import legs_of, within
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind
+from hdvplan.road.road import part_of
 from hdvplan.solvers.registry import DEFAULT, SolverClass, dependable
 from hdvplan.vehicle.model import Vehicle
 
 _USUAL, _SETTINGS = RoadOptions(), PlannerSettings()
 _LEAD_AXLE = "lead-axle"
+_FURTHEST_M = 6.0  # that a cusp is moved past the drawn one
+_SHORT_M = 8.0  # that a leg stops short of it
+_FIRST_M = 1.5  # of the first trials
+_TRIALS = 16  # a cusp
+_FOUND_M = 0.02  # to which cusps are sought
+_ROOM_M = 100.0  # of a line beyond its ends: further than bodies reach
 
 
 def load_legs(source: str | Path, options: RoadOptions = _USUAL, *, last_axle_of: Vehicle | None = None) -> Legs:
@@ -63,12 +75,18 @@ def plan_legs(
     Raises:
         OptionError: no such objective, or one that cannot plan several legs.
         SolverError: no such solver, not installed, or neither it nor a second solver found a plan.
-        PlanError: the vehicle cannot be planned along a line, or its trailers fold.
+        PlanError: the vehicle cannot be planned along a line, even without limits.
 
     """
 
     def once(legs: Legs, objective: str | Objective, on_progress: Callable[[float], None] | None = None) -> LegsResult:
-        drives = drive_legs(legs, vehicle, objective_named(objective), dependable(solver), settings, on_progress=on_progress)
+        drive = partial(drive_legs, legs, vehicle, objective_named(objective), dependable(solver))
+        try:
+            drives = drive(settings, on_progress=on_progress)
+        except PlanError:
+            if all(leg.road.street is None for leg in legs.legs):
+                raise
+            drives = tuple(replace(one, settings=settings) for one in drive(settings.unlimited, on_progress=on_progress))
         return LegsResult(legs, tuple(result_of(_whole(drive, legs), solver=solver, objective=objective) for drive in drives))
 
     found = once(legs, objective, on_progress)
@@ -86,3 +104,53 @@ def _whole(drive: Drive, legs: Legs) -> Drive:
     areas = (region for region in drive.road.regions if region.kind is Kind.SWEEPABLE)
     obstacles = (region for region in legs.regions if region.kind is Kind.OBSTACLE)
     return replace(drive, road=replace(drive.road, regions=(*obstacles, *areas)))
+
+
+def past(legs: Legs, by: FloatArray) -> Legs:
+    """Return legs that are driven ``by`` past their cusps (cusps,), or stop short of them where negative [m]; first and last ends stay.
+
+    Raises:
+        RoadError: lines that stop short no longer meet.
+
+    """
+    ends = np.concatenate([[0.0], by, [0.0]])
+    moved = []
+    for leg, before, after in zip(legs.legs, ends[:-1], ends[1:], strict=True):
+        low, high = (after, before) if leg.backward else (before, after)
+        road = part_of(leg.road, -float(low), leg.road.path.length + float(high), _ROOM_M, _ROOM_M)
+        if leg.road.limits is None and leg.road.drawn is None:  # the bounds of an open place are no street
+            road = replace(road, drawn=None)
+        moved.append(Leg(road, leg.backward))
+    own, _ = joined(tuple(moved), 2.0 * _FURTHEST_M)
+    return replace(legs, legs=tuple(within(leg, legs.regions) for leg in own))
+
+
+def with_room(drawn: LegsResult, plan: Callable[[Legs], LegsResult]) -> LegsResult:
+    """Return the plan with the most room among those with cusps near the drawn ones; the first that fits, where one does."""
+    best, count = drawn, len(drawn.legs.legs) - 1
+    if not count:  # a single leg, backwards
+        return drawn
+
+    def lacking(by: FloatArray) -> float:
+        nonlocal best
+        if best.fits:  # what is still tried costs nothing
+            return -best.room
+        try:
+            found = replace(plan(past(drawn.legs, by)), past=tuple(by.tolist()))
+        except HdvplanError:
+            return float(np.inf)
+        best = max(best, found, key=lambda one: one.room)
+        return _entered(found) - found.room
+
+    simplex = np.vstack([np.zeros(count), _FIRST_M * np.eye(count)])
+    options: Any = {"initial_simplex": simplex, "maxfev": _TRIALS * count, "xatol": _FOUND_M, "fatol": _FOUND_M}  # typed by method
+    bounds = [(-_SHORT_M, _FURTHEST_M)] * count
+    scipy.optimize.minimize(lacking, np.zeros(count), method="Nelder-Mead", bounds=bounds, options=options)
+    return best
+
+
+def _entered(found: LegsResult) -> float:
+    """Return the way over which bodies are in obstacles [m]: how deep one is in a wall says little, or how far beyond it it is driven."""
+    obstacles = [region.polygon for region in found.legs.regions if region.kind is Kind.OBSTACLE]
+    inside = (np.unique(result.outlines.query(obstacles, predicate="intersects")[1]).size for result in found.results)
+    return POSE_SPACING_M * sum(inside)

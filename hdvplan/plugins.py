@@ -69,7 +69,7 @@ def _called(kind: Kind, name: str, get: Callable[[], object]) -> Callable[..., o
     except (Exception, SystemExit) as error:
         if isinstance(error, ModuleNotFoundError) and error.name and home.startswith(error.name):
             hint = "install the package, or name its file: file.py:name"
-        msg = f"{kind.word} {name!r} cannot be loaded: {said(error)}"
+        msg = f"{kind.word} {name!r} cannot be loaded: {error_text(error)}"
         raise kind.error(msg, hint=hint) from error
     if not callable(found):
         msg = f"{kind.word} {name!r} cannot be called: it is of type {type(found).__name__}"
@@ -77,7 +77,7 @@ def _called(kind: Kind, name: str, get: Callable[[], object]) -> Callable[..., o
     return found
 
 
-def said(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return an error of somebody else's code as a phrase: its kind, and what it says in its first line."""
     lines = str(error).strip().splitlines()
     return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__

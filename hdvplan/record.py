@@ -27,9 +27,8 @@ def write_record(directory: Path, cases: Iterable[Case]) -> None:
 def record_of(cases: Iterable[Case]) -> Json:
     """Return what ``run.json`` says: of a single case everything, of several their names, keys and what is not usual."""
     once = list(dict.fromkeys(cases))
-    told = [once[0].described()] if len(once) == 1 else [case.brief() for case in once]
     return {
-        "cases": told,
+        "cases": [once[0].described()] if len(once) == 1 else [case.brief() for case in once],
         "command": command(),
         "date": now(),
         "commit": commit(),

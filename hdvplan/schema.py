@@ -20,7 +20,7 @@ import msgspec
 
 from hdvplan.errors import EntryError, OptionError
 from hdvplan.settings import any_of
-from hdvplan.spelling import did_you_mean
+from hdvplan.texts import did_you_mean
 
 Kind = TypeVar("Kind")
 _KINDS = {str: ["words in quotes"], float: ["a number"], int: ["a whole number"], bool: ["true", "false"], dict: ["a table"]}
@@ -173,11 +173,11 @@ def _is_list(kind: Any) -> bool:  # noqa: ANN401 - a type
     return get_origin(kind) is tuple
 
 
-def _refusal(kind: Any, table: Any, said: str, where: str, error: type[EntryError]) -> EntryError:  # noqa: ANN401 - a type, a table
+def _refusal(kind: Any, table: Any, message: str, where: str, error: type[EntryError]) -> EntryError:  # noqa: ANN401 - a type, a table
     """Return in the words of users what msgspec refuses: where, which entry, what was expected, and what a misspelt name may mean."""
-    place = _PLACE.search(said)
+    place = _PLACE.search(message)
     steps = _STEP.findall(place[1] if place else "")
-    unknown, missing = _UNKNOWN.match(said), _MISSING.match(said)
+    unknown, missing = _UNKNOWN.match(message), _MISSING.match(message)
     for name, number in steps if unknown or missing else steps[:-1]:  # tables on the way to the entry
         kind, table = _within(get_type_hints(kind)[name], _is_table), table[name][int(number)] if number else table[name]
         where = f"{where}, {name} {int(number) + 1}" if number else f"{where}, {name}"

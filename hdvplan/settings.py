@@ -63,11 +63,11 @@ def fields_of(kind: type) -> Mapping[str, Field]:
 
 
 def _field(name: str, hint: Any, default: object) -> Field:  # noqa: ANN401 - a type
-    told = next((extra for extra in getattr(hint, "__metadata__", ()) if isinstance(extra, Setting)), Setting())
+    setting = next((extra for extra in getattr(hint, "__metadata__", ()) if isinstance(extra, Setting)), Setting())
     kind = hint.__origin__ if hasattr(hint, "__metadata__") else hint
     kinds = [one for one in get_args(kind) if one is not NoneType]
     optional = NoneType in get_args(kind)
-    return Field(name, kinds[0] if optional and len(kinds) == 1 else kind, optional, default, told)
+    return Field(name, kinds[0] if optional and len(kinds) == 1 else kind, optional, default, setting)
 
 
 def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
@@ -78,23 +78,23 @@ def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
 
     """
     for name, field in fields_of(settings.__class__).items():
-        value, told = getattr(settings, name), field.setting
-        if isinstance(value, Real) and not (isfinite(value) and float(value) > told.above and float(value) >= told.least):
-            msg = f"{name} must be {_bounds(told)}, not {value:g}"
+        value, setting = getattr(settings, name), field.setting
+        if isinstance(value, Real) and not (isfinite(value) and float(value) > setting.above and float(value) >= setting.least):
+            msg = f"{name} must be {_bounds(setting)}, not {value:g}"
             raise OptionError(msg)
         if isinstance(value, str) and field.choices:
             choice(name, value, field.choices)
-        if told.listed and ((not value and field.default) or len(set(value)) < len(value)):
+        if setting.listed and ((not value and field.default) or len(set(value)) < len(value)):
             msg = f"{name} must name at least one entry, and none twice: {', '.join(map(str, value)) or 'nothing'}"
             raise OptionError(msg)
 
 
-def _bounds(told: Setting) -> str:
-    if told.above == 0.0:
+def _bounds(setting: Setting) -> str:
+    if setting.above == 0.0:
         return "a positive number"
-    if told.least > 0.0:
-        return f"at least {told.least:g}"
-    return "zero or a positive number" if told.least == 0.0 else "a finite number"
+    if setting.least > 0.0:
+        return f"at least {setting.least:g}"
+    return "zero or a positive number" if setting.least == 0.0 else "a finite number"
 
 
 def choice(name: str, value: object, choices: Sequence[str]) -> str:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hdvplan.cusps import past
-from hdvplan.legs import plan_legs
+from hdvplan.legs import past, plan_legs
 from hdvplan.road.legs import Leg, Legs
 from hdvplan.road.load_legs import within
 from hdvplan.road.path import from_curvature

@@ -5,7 +5,7 @@ from time import process_time
 import pytest
 
 from hdvplan.road.scenarios import shipped
-from hdvplan.spelling import did_you_mean, meant_by
+from hdvplan.texts import did_you_mean, meant_by
 from hdvplan.vehicle.load import preset_names
 
 NAMES = ["bus", "articulated-bus", "tractor-trailer", "tractor-trailer-24m", "tractor-semitrailer", "WB-62"]

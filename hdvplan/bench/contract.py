@@ -21,7 +21,7 @@ from hdvplan.bench.measuring.recording import LIMITS, Recorded, record
 from hdvplan.case import Case
 from hdvplan.errors import QpDataError
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.plugins import said
+from hdvplan.plugins import error_text
 from hdvplan.qp.program import NAMES, StageQp, StageSolution
 from hdvplan.qp.workspace import QpWorkspace, Status, WorkspaceMaker, residuals
 from hdvplan.road.scenarios import SCENARIOS
@@ -88,7 +88,7 @@ def _found(rule: Rule, make: WorkspaceMaker) -> Finding:
     try:
         return rule(make, samples())
     except Exception as error:  # noqa: BLE001 - an author's code may raise anything
-        return Finding(_title(rule), kept=False, said=said(error))
+        return Finding(_title(rule), kept=False, said=error_text(error))
 
 
 def same_optimum(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
@@ -205,8 +205,8 @@ def times_are_true(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Findin
         began = perf_counter()
         result = workspace.solve(each.qp, None)
         took = perf_counter() - began
-        told = result.update_time + result.solve_time + result.time_aside
-        wrong += not (result.update_time >= 0.0 and result.solve_time > 0.0 and 0.5 * took <= told <= took)
+        reported = result.update_time + result.solve_time + result.time_aside
+        wrong += not (result.update_time >= 0.0 and result.solve_time > 0.0 and 0.5 * took <= reported <= took)
     return Finding(_title(times_are_true), wrong <= len(programs) // 10, f"{wrong} of {len(programs)} report other times than the clock")
 
 

@@ -16,11 +16,11 @@ def turns() -> Iterator[Callable[[], None]]:
 
     At the end of the block it waits once more: what follows does not disturb the other's last turn.
     """
-    told = os.environ.pop(TURNS, "")  # the descriptor is not for what this process starts
-    if not told.isdecimal():
+    number = os.environ.pop(TURNS, "")  # the descriptor is not for what this process starts
+    if not number.isdecimal():
         yield lambda: None
         return
-    descriptor = int(told)
+    descriptor = int(number)
 
     def take() -> None:
         with suppress(OSError):  # who hands out turns is gone: so is the comparison

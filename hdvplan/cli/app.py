@@ -18,7 +18,7 @@ from hdvplan.cli.console import ExitCode, report_error
 from hdvplan.cli.help import Command, Group
 from hdvplan.cli.surroundings import give_matplotlib_a_folder, interruption_noted
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
-from hdvplan.spelling import did_you_mean
+from hdvplan.texts import did_you_mean
 from hdvplan.version import __version__
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def _written(code: int) -> int:
         sys.stdout.flush()
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python tries once more
-        if isinstance(error, BrokenPipeError) or code == ExitCode.USAGE:  # its reader, such as head, has enough; or all is said
+        if isinstance(error, BrokenPipeError) or code == ExitCode.USAGE:  # its reader, such as head, has enough; or all is message
             return code
         report_error(f"stdout: {error.strerror}")
         return ExitCode.USAGE
@@ -163,16 +163,16 @@ def _report(error: Exception) -> ExitCode:
 
 def _usage(error: Exception) -> tuple[str, str]:
     """Return what a usage error says, and its hint: what a misspelt name may have meant, else where the help is."""
-    said = error.format_message() if hasattr(error, "format_message") else str(error)
+    message = error.format_message() if hasattr(error, "format_message") else str(error)
     context = getattr(error, "ctx", None)
     where = f"see `{context.command_path if context else 'hdvplan'} --help`"
-    option, command = getattr(error, "option_name", None), re.match(r"No such command '(.*?)'", said)
+    option, command = getattr(error, "option_name", None), re.match(r"No such command '(.*?)'", message)
     if context and command:
         return f"no such command '{command[1]}'", did_you_mean(command[1], context.command.commands, where)
     if context and option and hasattr(error, "possibilities"):
         known = [name for parameter in context.command.params for name in parameter.opts if name.startswith("--")]
         return f"no such option: {option}", did_you_mean(option, known, where)
-    return _uncapitalised(said), where
+    return _uncapitalised(message), where
 
 
 def _is_failed_plan(error: HdvplanError) -> bool:

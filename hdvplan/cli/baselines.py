@@ -51,7 +51,7 @@ def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision,
         OptionError: a road or vehicle that cannot be read, a program that is none, or ``out`` cannot be written.
 
     """
-    from hdvplan.bench.comparing.against import SIDES, Told, guard
+    from hdvplan.bench.comparing.against import SIDES, Listener, guard
     from hdvplan.bench.comparing.reports import write_reports
     from hdvplan.bench.comparing.work import CommandWork
 
@@ -60,8 +60,8 @@ def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision,
     settings, quiet = decision.settings(), report.quiet
     again = _again(against, work, decision, out)
     try:
-        with progress("measuring", quiet=quiet, undisturbed=True) as told:
-            comparison = guard(against, work, settings, out, Told(lambda step: note(step, quiet=quiet), told))
+        with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
+            comparison = guard(against, work, settings, out, Listener(lambda step: note(step, quiet=quiet), on_progress))
         before, after = (_versions(out / side / "00") for side in SIDES)
         changed = [
             f"{name} {before.get(name, '-')} -> {after.get(name, '-')}" for name in before | after if before.get(name) != after.get(name)

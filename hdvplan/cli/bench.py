@@ -123,16 +123,16 @@ def bench(
         note(f"picture in {picture}", quiet=quiet)
     if options.counters is not None:
         return hold_to(options.counters, out, report, renew=options.renew)
-    tables, told = {name: read_table(out, f"{name}.csv") for name in LAYOUTS}, read_record(out)
+    tables, record = {name: read_table(out, f"{name}.csv") for name in LAYOUTS}, read_record(out)
     with damage_told(out):
         if json:
-            head = {"out": str(out), "verdict": told["verdict"], "load": told["load"], "untuned": told.get("untuned", [])}
+            head = {"out": str(out), "verdict": record["verdict"], "load": record["load"], "untuned": record.get("untuned", [])}
             print_json({**head, **{name: rows_json(tables[name]) for name in LAYOUTS}})
         elif not quiet:
-            print_tables(*summary_tables(tables, told.get("tolerances")))
-            for finding in told["verdict"]:
+            print_tables(*summary_tables(tables, record.get("tolerances")))
+            for finding in record["verdict"]:
                 print_line(finding["text"])
-            for warning in (told["load"]["warning"], *told.get("untuned", [])):
+            for warning in (record["load"]["warning"], *record.get("untuned", [])):
                 if warning:
                     warn(warning)
             note(f"written to {out}/")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hdvplan.bench.comparing.against import Settings
     from hdvplan.bench.comparing.decision import Rule
 
-PICTURES = ("png", "pdf", "svg", "tex", "pgf")
+PICTURES = ("png", "pdf", "svg")
 _MEASURES = ("step_limit", "cell_limit", "memory_limit")  # that need a process which can be ended
 
 
@@ -136,7 +136,7 @@ class BenchFiles:
     fresh: Annotated[bool, Setting("Delete what an earlier run has left in DIR.")] = False
     plot: Annotated[
         str | None,
-        Setting("Draw the run [default file: DIR/bench.png]: png, pdf, svg; tex, pgf: performance profiles as TikZ.", "[FILE]"),
+        Setting("Draw the run [default file: DIR/bench.png]: png, pdf, svg.", "[FILE]"),
     ] = None
     export_qps: Annotated[Path | None, Setting("Measure nothing: write the QPs of all drives as a test set for solvers.", "DIR")] = None
     qp_format: Annotated[

@@ -94,7 +94,7 @@ def told_to_programs(report: Report) -> Iterator[None]:
 
 def show(comparison: Comparison, rule: Rule, report: Report, again: str | None = None) -> ExitCode:
     """Write a comparison as asked for and return its exit code; ``again`` is the command that shows it again."""
-    from hdvplan.bench.comparing.decision import Verdict
+    from hdvplan.bench.comparing.decision import GateVerdict
     from hdvplan.bench.comparing.reports import comparison_json, github_annotation
     from hdvplan.bench.comparing.words import comparison_markdown, comparison_tables, verdict_line
 
@@ -108,10 +108,10 @@ def show(comparison: Comparison, rule: Rule, report: Report, again: str | None =
             print_tables(*comparison_tables(comparison))
             if comparison.failure is not None and comparison.failure.tail:
                 sys.stdout.write(f"{comparison.failure.tail}\n")
-            if again is not None and comparison.verdict is not Verdict.FINE:
+            if again is not None and comparison.verdict is not GateVerdict.FINE:
                 sys.stdout.write(f"again: {again}\n")
         sys.stdout.write(f"{verdict_line(comparison, rule)}\n")
-    codes = {Verdict.FINE: ExitCode.OK, Verdict.REGRESSED: ExitCode.BROKEN, Verdict.UNMEASURABLE: ExitCode.UNMEASURED}
+    codes = {GateVerdict.FINE: ExitCode.OK, GateVerdict.REGRESSED: ExitCode.BROKEN, GateVerdict.UNMEASURABLE: ExitCode.UNMEASURED}
     return codes[comparison.verdict]
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 VEHICLE = "Vehicle and room"
 ROAD = "Road file"
 PLANNING = "Planning"
-PLACE = "Turning heads and docks"
+SITE = "Turning heads and docks"
 OUTPUT = "Output"
 
 _BESIDE_A_NAME = 6  # columns: indentation, and the gap before the text

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from hdvplan.answers import NO, without_word
 from hdvplan.cli.checks import warn_far_regions
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 
@@ -50,9 +51,15 @@ def finish(driven: LegsResult, directory: Path, kinds: Collection[str], output: 
 
     as_json, quiet = output.json, output.quiet
     pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
-    with progress(f"writing {directory}/", quiet=quiet) as told, writing(f"to {directory}"):
+    with progress(f"writing {directory}/", quiet=quiet) as on_progress, writing(f"to {directory}"):
         write_legs(
-            driven, directory, pictures=pictures, drawings=drawings, sheet=output.drawn_on(), animate=output.animate, on_progress=told
+            driven,
+            directory,
+            pictures=pictures,
+            drawings=drawings,
+            sheet=output.drawn_on(),
+            animate=output.animate,
+            on_progress=on_progress,
         )
     summary = summary_of_legs(driven)
     if as_json:
@@ -71,7 +78,7 @@ def finish(driven: LegsResult, directory: Path, kinds: Collection[str], output: 
     if driven.fits is not False:
         return ExitCode.OK
     note("no proof is looked for on legs", quiet=quiet)
-    report_error(driven.text.removeprefix("NO: "), "summary.json lists what each leg breaks")
+    report_error(without_word(driven.text, NO), "summary.json lists what each leg breaks")
     return ExitCode.BROKEN
 
 
@@ -83,7 +90,7 @@ def _print_legs(summary: dict[str, Any], directory: Path) -> None:
     for leg in summary["legs"]:
         verdict = leg["verdict"]
         spare = "-" if verdict["spare_m"] is None else f"{verdict['spare_m']:.3f}"
-        word = "NO" if leg["jackknife"] is not None else verdict["text"].partition(":")[0].partition(" ")[0]
+        word = verdict["word"] if leg["jackknife"] is None else NO
         ends = ", ".join(f"{round(angle, 1) + 0.0:+.1f}" for angle in leg["articulation_end_deg"]) or "-"
         place = (f"{verdict['s_m']:.1f}", f"{verdict['part']} of the {verdict['unit']}")
         rows.append((str(leg["leg"]), leg["direction"], f"{leg['length_m']:.1f}", word, spare, *place, ends))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from hdvplan.answers import NO, without_word
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 
 if TYPE_CHECKING:
@@ -28,9 +29,9 @@ def plan_long(
     from hdvplan.report.tables import balance_table, breach_table, planning_table
 
     note(f"{line.name} has {line.length / 1e3:.0f} km: it is planned in stretches, without pictures", quiet=quiet)
-    with writing(f"to {directory}"), progress(f"planning {vehicle.name} along {line.name}", quiet=quiet) as told:
+    with writing(f"to {directory}"), progress(f"planning {vehicle.name} along {line.name}", quiet=quiet) as on_progress:
         pieces = planned(pieces_of(found, vehicle, settings), case_of)
-        summary = write_pieces(pieces, directory, on_progress=lambda done: told(min(1.0, done / line.length)))
+        summary = write_pieces(pieces, directory, on_progress=lambda done: on_progress(min(1.0, done / line.length)))
     for remark in summary["notes"]:
         note(remark, quiet=quiet)
     verdict = summary["verdict"]
@@ -66,7 +67,7 @@ def _exit_code(summary: dict[str, Any]) -> ExitCode:
 
     breach = max(summary["breaches"], key=lambda one: one["depth_m"], default=None)
     if breach is None:
-        report_error(summary["verdict"]["text"].removeprefix("NO: "), "summary.json has more under verdict and obstacles")
+        report_error(without_word(summary["verdict"]["text"], NO), "summary.json has more under verdict and obstacles")
     else:
         broken = f"breaks the {breach['side']} limit" if breach["obstacle"] is None else f"enters {called(breach['obstacle'])}"
         more = f", and at {len(summary['breaches']) - 1} more places" if len(summary["breaches"]) > 1 else ""

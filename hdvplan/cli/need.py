@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.answers import NO, without_word
 from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
-from hdvplan.cli.help import OUTPUT, PLACE, PLANNING, ROAD, VEHICLE
+from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, SITE, VEHICLE
 from hdvplan.cli.options import Output, RoadOrNoneArgument, Room, VehicleOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.cli.turn import MORE_STARTS, answered
@@ -18,7 +19,7 @@ from hdvplan.errors import OptionError
 from hdvplan.planning.settings import SIDES, PlannerSettings
 from hdvplan.road.options import RoadOptions
 from hdvplan.settings import choice
-from hdvplan.turning.reversing.options import PlaceOptions, Template
+from hdvplan.turning.reversing.options import SiteOptions, Template
 
 if TYPE_CHECKING:
     from hdvplan.need.answer import Need
@@ -65,11 +66,11 @@ def need(
         typer.Option(
             "--template",
             metavar="NAME",
-            help="Instead of a road a manoeuvre that reverses, whose place is made as small as can be found: " + ", ".join(Template) + ".",
-            rich_help_panel=PLACE,
+            help="Instead of a road a manoeuvre that reverses, whose site is made as small as can be found: " + ", ".join(Template) + ".",
+            rich_help_panel=SITE,
         ),
     ] = None,
-    place: Annotated[PlaceOptions, OptionsOf(PlaceOptions, PLACE, only=_FIXED)],
+    site: Annotated[SiteOptions, OptionsOf(SiteOptions, SITE, only=_FIXED)],
 ) -> int:
     """Find the least room that a vehicle needs on a road, or for a manoeuvre that reverses.
 
@@ -87,13 +88,13 @@ def need(
     if template is not None:
         beside = (road, fix, proof, room, settings, reading)
         if beside != (None, None, None, Room(), PlannerSettings(), RoadOptions()):
-            msg = f"--template {template} has its own place: a road, its room and its options mean nothing for it"
-            raise OptionError(msg, hint=f"give --vehicle, and of the place {', '.join(f'--{name}' for name in _FIXED)}".replace("_", "-"))
-        return _of_template(template, vehicle, place, output)
+            msg = f"--template {template} has its own site: a road, its room and its options mean nothing for it"
+            raise OptionError(msg, hint=f"give --vehicle, and of the site {', '.join(f'--{name}' for name in _FIXED)}".replace("_", "-"))
+        return _of_template(template, vehicle, site, output)
     if road is None:
         msg = "missing argument 'ROAD'"
         raise OptionError(msg, hint="give a road, or --template for a turning head, a dock or a three-point turn")
-    place.refuse_all()
+    site.refuse_all()
     held = None if fix is None else choice("--fix", fix, SIDES)
     given, quiet = _given(held, room), output.quiet
     check_folder(output.out)
@@ -119,25 +120,25 @@ def need(
             other = "right" if held == "left" else "left"
             edge = _held(track, held, getattr(room, held))
             answer = edge_need_of(case, edge, other, prove=proof, on_progress=on_progress)
-    told = need_json(answer, perf_counter() - began)
+    summary = need_json(answer, perf_counter() - began)
     directory = output.out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
     with writing(f"to {directory}"):
-        write_need(answer, told, directory, kinds)
+        write_need(answer, summary, directory, kinds)
     if output.json:
-        print_json(told)
+        print_json(summary)
     elif not quiet:
         _print(answer, directory)
     return _exit_code(answer)
 
 
-def _of_template(name: str, vehicle: str, place: PlaceOptions, output: Output) -> int:
+def _of_template(name: str, vehicle: str, site: SiteOptions, output: Output) -> int:
     """Find the least room for a manoeuvre that reverses."""
     template = Template(choice("--template", name, list(Template)))
-    if place.size(template) is not None:
+    if site.size(template) is not None:
         msg = f"--{template.sought} is what is sought"
         raise OptionError(msg, hint=f"`hdvplan turn --template {template} --{template.sought} M` tells whether the vehicle fits in it")
     check_folder(output.out)
-    return answered(template, vehicle, place, output, starts=MORE_STARTS, called="need")
+    return answered(template, vehicle, site, output, starts=MORE_STARTS, called="need")
 
 
 def _given(held: str | None, room: Room) -> tuple[float, float] | None:
@@ -186,5 +187,5 @@ def _exit_code(answer: Need) -> ExitCode:
 
     if answer.room.result is not None:
         return ExitCode.OK
-    report_error(need_lines(answer)[-1].removeprefix("NO: "))
+    report_error(without_word(need_lines(answer)[-1], NO))
     return ExitCode.BROKEN

@@ -194,6 +194,7 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
 
 def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
     from hdvplan.legs import plan_legs
+    from hdvplan.report.paper import check_scale
 
     options, output, settings = asked.options, asked.output, asked.settings
     dropped = {
@@ -206,9 +207,16 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
     kinds = _kinds(output)
     check_room(vehicle, asked.reaches)
     legs = legs_in(line, vehicle, asked.reaches, last_axle=asked.leg_line == LAST, quiet=output.quiet)
-    with progress(f"planning {vehicle.name} along {len(legs.legs)} legs of {legs.name}", quiet=output.quiet) as told:
+    check_scale(output.drawn_on(), [leg.road.path for leg in legs.legs], vehicle, whole=True)
+    with progress(f"planning {vehicle.name} along {len(legs.legs)} legs of {legs.name}", quiet=output.quiet) as on_progress:
         driven = plan_legs(
-            legs, vehicle, objective=options.objective, solver=asked.solver, settings=settings, refine=options.refine, on_progress=told
+            legs,
+            vehicle,
+            objective=options.objective,
+            solver=asked.solver,
+            settings=settings,
+            refine=options.refine,
+            on_progress=on_progress,
         )
     folder = output.out or Path(f"{file_name(line.name)}.{file_name(vehicle.name)}")
     return finish(driven, folder, kinds, output)
@@ -216,6 +224,7 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
 
 def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
     from hdvplan import api
+    from hdvplan.report.paper import check_scale
 
     _kinds(asked.output)  # mistakes are told before anything is smoothed
     options, quiet = asked.options, asked.output.quiet
@@ -223,6 +232,7 @@ def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
     warn_no_side(track, options.side, quiet=quiet)
     case = asked.case(track, vehicle)
     check_fits(case.road, vehicle, asked.reaches)
+    check_scale(asked.output.drawn_on(), [case.road.path], vehicle, whole=False)
     with progress(f"planning {vehicle.name} along {case.road.name}", quiet=quiet) as on_progress:
         if options.bias is not None:
             case = api.biased(case, options.bias)

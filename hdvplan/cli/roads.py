@@ -226,12 +226,12 @@ def _listed() -> list[dict[str, object]]:
 
     roads = []
     for name, file in shipped().items():
-        told = read(file)["properties"]
-        roads.append(entry("OpenStreetMap", name, told["length_m"], told["min_radius_6m_m"], told["kind"], told["name"]))
+        about = read(file)["properties"]
+        roads.append(entry("OpenStreetMap", name, about["length_m"], about["min_radius_6m_m"], about["kind"], about["name"]))
     for name, file in shipped("examples").items():
-        told = read(file)["features"][0]["properties"]
-        kind = "drive of several legs" if "leg" in told else "made-up place with obstacles"
-        roads.append(entry("example", name, told["length_m"], told["min_radius_m"], kind))
+        about = read(file)["features"][0]["properties"]
+        kind = "drive of several legs" if "leg" in about else "made-up place with obstacles"
+        roads.append(entry("example", name, about["length_m"], about["min_radius_m"], kind))
     kind = "roundabout, OpenDRIVE: choose the way, such as --road-ids 0,5"
     roads += [entry("OpenDRIVE", name, None, None, kind) for name in shipped("opendrive")]
     for scenario in SCENARIOS.values():

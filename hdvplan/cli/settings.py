@@ -40,21 +40,21 @@ class OptionsOf:
 
     def parameters(self) -> dict[str, inspect.Parameter]:
         """Return the options as parameters for Typer, by the names of their fields."""
-        told = {name: one for name, one in fields_of(self.kind).items() if one.setting.words and (not self.only or name in self.only)}
-        return {name: self._parameter(one) for name, one in told.items()}
+        fields = {name: one for name, one in fields_of(self.kind).items() if one.setting.words and (not self.only or name in self.only)}
+        return {name: self._parameter(one) for name, one in fields.items()}
 
-    def _parameter(self, told: Field) -> inspect.Parameter:
-        kind, many = _typed(told)
-        default = None if self.given or many else told.default
+    def _parameter(self, field: Field) -> inspect.Parameter:
+        kind, many = _typed(field)
+        default = None if self.given or many else field.default
         shown = typer.Option(
-            *told.options,
-            metavar=told.setting.metavar or "|".join(told.choices) or None,
-            help=self.words.get(told.name, told.setting.words),
-            autocompletion=completion.one_of(told.choices) if told.choices else _COMPLETED.get(told.name),
-            rich_help_panel=self.groups.get(told.name, self.group),
+            *field.options,
+            metavar=field.setting.metavar or "|".join(field.choices) or None,
+            help=self.words.get(field.name, field.setting.words),
+            autocompletion=completion.one_of(field.choices) if field.choices else _COMPLETED.get(field.name),
+            rich_help_panel=self.groups.get(field.name, self.group),
         )
         annotation: Any = Annotated[kind if default is not None else kind | None, shown]
-        return inspect.Parameter(told.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+        return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
     def made(self, values: dict[str, Any]) -> Any:  # noqa: ANN401 - the settings
         """Return what the command receives, of the values that the user gave.
@@ -63,24 +63,24 @@ class OptionsOf:
             OptionError: one is outside its range.
 
         """
-        told = fields_of(self.kind)
-        chosen = {name: _chosen(told[name], value) for name, value in values.items() if value is not None}
+        fields = fields_of(self.kind)
+        chosen = {name: _chosen(fields[name], value) for name, value in values.items() if value is not None}
         return chosen if self.given else self.kind(**chosen)
 
 
-def _typed(told: Field) -> tuple[Any, bool]:
+def _typed(field: Field) -> tuple[Any, bool]:
     """Return a field's type as Typer takes it, and whether its option may be repeated."""
-    if get_origin(told.kind) is tuple:
-        return (str, False) if told.setting.listed else (list[str], True)
-    if get_args(told.kind) or (isinstance(told.kind, type) and issubclass(told.kind, StrEnum)):
+    if get_origin(field.kind) is tuple:
+        return (str, False) if field.setting.listed else (list[str], True)
+    if get_args(field.kind) or (isinstance(field.kind, type) and issubclass(field.kind, StrEnum)):
         return str, False
-    return told.kind, False
+    return field.kind, False
 
 
-def _chosen(told: Field, value: Any) -> Any:  # noqa: ANN401 - of any field
-    if told.choices and isinstance(value, str):
-        return told.kind(choice(told.options[0], value, told.choices))
-    if get_origin(told.kind) is tuple:
+def _chosen(field: Field, value: Any) -> Any:  # noqa: ANN401 - of any field
+    if field.choices and isinstance(value, str):
+        return field.kind(choice(field.options[0], value, field.choices))
+    if get_origin(field.kind) is tuple:
         return tuple(value) if isinstance(value, list) else tuple(one.strip() for one in value.split(",") if one.strip())
     return value
 

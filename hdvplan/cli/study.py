@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hdvplan.answers import WORDS
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.options import JsonOption, QuietOption
@@ -131,7 +132,7 @@ def study(
 
 def _summary(results: Results, cells: int) -> str:
     """Return the study in a sentence."""
-    words = [f"{count} {word}" for word in ("YES", "NO", "NEEDS") if (count := results.fits.get(word, 0))]
+    words = [f"{count} {word}" for word in WORDS if (count := results.fits.get(word, 0))]
     words += [f"{count} {ending}" for ending, count in sorted(results.outcomes.items()) if ending != "planned"]
     return f"{cells} cells: {', '.join(words)}"
 

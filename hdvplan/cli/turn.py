@@ -10,12 +10,12 @@ import typer
 
 from hdvplan.cli.checks import vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
-from hdvplan.cli.help import OUTPUT, PLACE
+from hdvplan.cli.help import OUTPUT, SITE
 from hdvplan.cli.options import Output, VehicleOrNoneOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.settings import Setting, choice
-from hdvplan.turning.reversing.options import PlaceOptions, Template, template_named
+from hdvplan.turning.reversing.options import SiteOptions, Template, template_named
 
 if TYPE_CHECKING:
     from hdvplan.turning.manoeuvre import Manoeuvre
@@ -94,7 +94,7 @@ def turn(
     *,
     vehicle: VehicleOrNoneOption = None,
     described: Annotated[TurnOptions, OptionsOf(TurnOptions, _TURN)],
-    place: Annotated[PlaceOptions, OptionsOf(PlaceOptions, PLACE)],
+    site: Annotated[SiteOptions, OptionsOf(SiteOptions, SITE)],
     list_: Annotated[bool, typer.Option("--list", help="List the templates.", rich_help_panel=_TURN)] = False,
     output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=("out", "json", "plot", "formats", "quiet"))],
 ) -> int:
@@ -104,7 +104,7 @@ def turn(
     turns are to the left; a turn to the right is the mirror image.
 
     The templates three-point, hammerhead, side-head, dock-90 and dock-45 are manoeuvres of forward and backward legs, made for the vehicle:
-    with the fewest legs that fit in the place or, where its size is not given, in the smallest place that is found.
+    with the fewest legs that fit in the site or, where its size is not given, in the smallest site that is found.
 
     Exit code 0: the vehicle drives the turn and meets the template's limits, or fits. 1: it does not, or cannot drive it. 2: bad input.
     """
@@ -117,8 +117,8 @@ def turn(
     reverses = template_named(described.template)
     if reverses is not None:
         described.refuse_more()
-        return answered(reverses, vehicle, place, output, starts=_STARTS, called="turn")
-    place.refuse_all()
+        return answered(reverses, vehicle, site, output, starts=_STARTS, called="turn")
+    site.refuse_all()
     from hdvplan.report.files import PICTURES
     from hdvplan.report.turns import TURN_DRAWINGS, turn_json, turn_table, write_turn
     from hdvplan.turning.turn import broken_words, verdict
@@ -140,7 +140,7 @@ def turn(
     return ExitCode.BROKEN if broken else ExitCode.OK
 
 
-def answered(template: Template, vehicle: str, place: PlaceOptions, output: Output, *, starts: int, called: str) -> ExitCode:
+def answered(template: Template, vehicle: str, site: SiteOptions, output: Output, *, starts: int, called: str) -> ExitCode:
     """Make a manoeuvre, write it into files ``called`` so, print it, and return the exit code; ``need`` tries all numbers of legs."""
     from hdvplan.report.files import PICTURES
     from hdvplan.report.reversals import reversal_json, reversal_tables, write_reversal
@@ -151,7 +151,7 @@ def answered(template: Template, vehicle: str, place: PlaceOptions, output: Outp
     kinds = output.kinds(PICTURES, TURN_DRAWINGS)
     driven = vehicle_named(vehicle, quiet=output.quiet)
     with progress(f"looking for a manoeuvre of {driven.name}", quiet=output.quiet):
-        answer = reversing(driven, template, place, starts=starts, all_legs=called == "need")
+        answer = reversing(driven, template, site, starts=starts, all_legs=called == "need")
     suffix = ".need" if called == "need" else ""
     directory = output.out or Path(f"{file_name(f'{template}.{driven.name}')}{suffix}")
     with writing(f"to {directory}"):

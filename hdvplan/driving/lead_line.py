@@ -15,7 +15,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.options import REFERENCE_SLACK, RoadOptions
 from hdvplan.road.smooth import smooth_line
-from hdvplan.vehicle.jackknife import critical_angles
+from hdvplan.vehicle.kinematics import critical_angles
 from hdvplan.vehicle.model import Vehicle
 
 _SPACING_M = 0.25  # of the line's points: the spline through them is off by less than 1 mm on a radius of 5 m

@@ -6,15 +6,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
+from hdvplan.answers import NO, word_of, worded
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import placed
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of
+from hdvplan.judging.verdict import Verdict, short_verdict, verdict_details, verdict_line, verdict_of
 from hdvplan.road.legs import Leg, Legs
-from hdvplan.vehicle.jackknife import critical_angles
+from hdvplan.vehicle.kinematics import critical_angles
 
+JACKKNIFE = "jack-knife"
 _ROUNDING = np.deg2rad(0.1)  # beyond a critical angle: plans keep their bounds at stations, and simulation strays between them by less
 
 
@@ -49,6 +53,11 @@ class LegsResult:
         """Of each leg, None where no trailer folds."""
         return tuple(jackknife_of(result.drive) for result in self.results)
 
+    @cached_property
+    def swept(self) -> tuple[BaseGeometry, ...]:
+        """The area that all bodies sweep on each leg, in the plane [m]."""
+        return tuple(shapely.union_all(result.swept) for result in self.results)
+
     @property
     def worst(self) -> int:
         """The number of the leg that decides, from 0: one that folds a trailer, else that with the least room, or the widest sweep."""
@@ -65,7 +74,7 @@ class LegsResult:
     @property
     def word(self) -> str:
         """``YES``, ``NO`` or, without limits, ``NEEDS``."""
-        return "NEEDS" if self.fits is None else "YES" if self.fits else "NO"
+        return word_of(self.fits)
 
     @property
     def text(self) -> str:
@@ -75,7 +84,19 @@ class LegsResult:
         if folded is None:
             return verdict_line(result, self.verdicts[at], self.of(at))
         degrees = f"{np.degrees(folded.angle):.0f} degrees, beyond {np.degrees(folded.critical):.1f}"
-        return f"NO: jack-knife at s = {folded.s:.1f} m{self.of(at)}: {degrees} no steering helps"
+        return worded(NO, f"{JACKKNIFE} at s = {folded.s:.1f} m{self.of(at)}: {degrees} no steering helps")
+
+    @property
+    def title(self) -> str:
+        """The verdict over all legs as a short title: vehicle, word and amount."""
+        at = self.worst
+        short = short_verdict(self.verdicts[at]) if self.jackknives[at] is None else f"{NO}, {JACKKNIFE}"
+        return f"{self.name}: {short}"
+
+    @property
+    def name(self) -> str:
+        """What is driven where."""
+        return f"{self.results[0].drive.vehicle.name} on {self.legs.name}"
 
     @property
     def details(self) -> str:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hdvplan.answers import LINE, needs_text, room_text, word_of, worded
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import contact, part_named
@@ -16,7 +17,6 @@ from hdvplan.road.regions import OPEN_M, called
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
-LINE = 100  # characters of a verdict, so that it is one line wherever it is read
 _CENTI, _TENTHS = 100.0, 10.0  # of a metre and of a degree, to which what a driver may err is rounded down
 
 
@@ -52,7 +52,7 @@ class Verdict:
     @property
     def word(self) -> str:
         """``YES``, ``NO`` or, without limits, ``NEEDS``."""
-        return "NEEDS" if self.fits is None else "YES" if self.fits else "NO"
+        return word_of(self.fits)
 
 
 def verdict_of(result: Result) -> Verdict:
@@ -146,15 +146,15 @@ def _who(result: Result, verdict: Verdict) -> list[str]:
 def _answer(result: Result, verdict: Verdict, who: str, of: str) -> str:
     where = f"at s = {verdict.s:.1f} m{of}"
     if verdict.fits is None:
-        return f"NEEDS {verdict.half_width:.2f} m to both sides for the {result.drive.vehicle.name}: {who} {where}"
-    assert verdict.spare is not None  # noqa: S101 - for the type checker: only NEEDS has none
+        return f"{amount_text(verdict)} for the {result.drive.vehicle.name}: {who} {where}"
+    assert verdict.spare is not None  # noqa: S101 - for the type checker: only where there are no limits it is
     amount = amount_text(verdict)
     if verdict.clearance_wanted > 0.0:
         amount += f" beyond the {verdict.clearance_wanted:.2f} m to keep" if verdict.fits else (
             f" of the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare > -verdict.clearance_wanted else
             f" with the {verdict.clearance_wanted:.2f} m to keep"
         )  # fmt: skip
-    return f"{verdict.word}: {amount} {where}, {who}"
+    return worded(verdict.word, f"{amount} {where}, {who}")
 
 
 def tracking_line(result: Result) -> str:
@@ -175,12 +175,17 @@ def tracking_line(result: Result) -> str:
 
 def verdict_title(result: Result, verdict: Verdict) -> str:
     """Return the verdict as a short title: vehicle, word, amount and place."""
-    head = f"{result.drive.vehicle.name} on {result.drive.road.name}"
-    if verdict.fits is None or verdict.spare is None:
-        return f"{head}: NEEDS {verdict.half_width:.2f} m to both sides"
+    place = "" if verdict.fits is None else f" at s = {verdict.s:.0f} m"
+    return f"{result.drive.vehicle.name} on {result.drive.road.name}: {short_verdict(verdict)}{place}"
+
+
+def short_verdict(verdict: Verdict) -> str:
+    """Return word and amount of a verdict."""
+    if verdict.fits is None:
+        return amount_text(verdict)
     kept = f" with {verdict.clearance_wanted:.2f} m to keep" if verdict.clearance_wanted > 0.0 else ""
     word = f"{verdict.word} (proved)" if verdict.proved else verdict.word
-    return f"{head}: {word}, {amount_text(verdict)}{kept} at s = {verdict.s:.0f} m"
+    return f"{word}, {amount_text(verdict)}{kept}"
 
 
 def proof_text(proof: Proof, vehicle: Vehicle) -> str:
@@ -198,9 +203,8 @@ def _known(result: Result, verdict: Verdict) -> str:
 
 
 def amount_text(verdict: Verdict) -> str:
-    """Return the room to spare or lacking; what is broken by less than counts is no lack."""
-    spare = verdict.spare or 0.0
-    return f"{max(spare, 0.0):.2f} m to spare" if verdict.fits else f"{-spare:.2f} m lacking"
+    """Return the room to spare or lacking or, with its word, the room needed."""
+    return needs_text(verdict.half_width) if verdict.fits is None else room_text(verdict.spare or 0.0, fits=verdict.fits)
 
 
 def _needs(result: Result) -> Verdict:

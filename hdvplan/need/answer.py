@@ -60,6 +60,13 @@ class Need:
     widenings: Widenings | None
     bound: Bound | None = None  #: room that is proved to be too little; None if nothing is proved or no proof was wanted
 
+    @property
+    def fits(self) -> bool | None:
+        """Whether the vehicle fits within the road's own limits; where there are none, None if some do, which is the answer, else False."""
+        if self.widenings is not None:
+            return self.widenings.fitting is not None
+        return None if self.room.result is not None else False
+
 
 def need_of(case: Case, *, prove: bool | None = False, on_progress: Callable[[float], None] | None = None) -> Need:
     """Return the least half width for a case, and the least widening of its road's own street where it has one.

@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from hdvplan.errors import RoadError
-from hdvplan.spelling import did_you_mean
+from hdvplan.texts import did_you_mean
 
 _NOT_DRIVEN = ("platform", "stop")  # what such roles begin with
 _MOST_NAMED = 8  # kinds of routes or refs that a message lists

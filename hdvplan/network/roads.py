@@ -110,13 +110,13 @@ class Position:
 
 
 @dataclass(frozen=True)
-class _Stretch:
+class _Section:
     """Consecutive segments on one way, ``first`` to ``end``, and half the width of the road there [m]."""
 
     first: int
     end: int
     half_width: float | None
-    said: Json
+    properties: Json
 
 
 def road_of_part(route: Relation, part: Part, at: Position, places: Places, widths: Widths, source: str) -> RouteRoad:
@@ -126,14 +126,14 @@ def road_of_part(route: Relation, part: Part, at: Position, places: Places, widt
     either side of the line, are in it where every stretch has one.
     """
     s = _lengths(_lonlat(part, places))
-    limited = float(sum(s[one.end] - s[one.first] for one in _stretches(part, s, widths) if one.half_width is not None))
+    limited = float(sum(s[one.end] - s[one.first] for one in _sections(part, s, widths) if one.half_width is not None))
     return RouteRoad(_file_name(route, at), float(s[-1]), limited, partial(_content, route, part, at, places, widths, source, s))
 
 
 def _content(route: Relation, part: Part, at: Position, places: Places, widths: Widths, source: str, s: FloatArray) -> bytes:
     """Return a road file; ``s`` are the lengths along the line at its vertices [m]."""
-    lonlat, stretches = _lonlat(part, places), _stretches(part, s, widths)
-    vertices, reaches = _vertices(lonlat, stretches)
+    lonlat, sections = _lonlat(part, places), _sections(part, s, widths)
+    vertices, reaches = _vertices(lonlat, sections)
     tags = {key: route.tags[key] for key in _ROUTE_TAGS if key in route.tags}
     if at.back:
         tags |= {key: route.tags[other] for key, other in (("from", "to"), ("to", "from")) if other in route.tags}
@@ -147,7 +147,7 @@ def _content(route: Relation, part: Part, at: Position, places: Places, widths: 
         "length_m": round(float(s[-1]), 3),
         **({} if reaches is None else {"left_m": reaches, "right_m": reaches}),
         "lane_m": widths.lane,
-        "stretches": [one.said for one in stretches],
+        "stretches": [one.properties for one in sections],
         "attribution": "© OpenStreetMap contributors",
         "licence": "ODbL-1.0",
         "source_file": source,
@@ -166,26 +166,26 @@ def _lengths(lonlat: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(to_plane(lonlat).points, axis=0).T))])
 
 
-def _stretches(part: Part, s: FloatArray, widths: Widths) -> list[_Stretch]:
+def _sections(part: Part, s: FloatArray, widths: Widths) -> list[_Section]:
     found, first = [], 0
     for way, segments in groupby(part.ways, key=lambda way: way):
         end = first + len(list(segments))
         half, from_ = widths.half_of(way.tags)
-        said: Json = {"s_from_m": round(float(s[first]), 3), "s_to_m": round(float(s[end]), 3), "way": way.id}
-        said |= {key: way.tags[key] for key in _WAY_TAGS if key in way.tags}
-        found.append(_Stretch(first, end, half, said | {"half_width_m": half, "half_width_from": from_}))
+        properties: Json = {"s_from_m": round(float(s[first]), 3), "s_to_m": round(float(s[end]), 3), "way": way.id}
+        properties |= {key: way.tags[key] for key in _WAY_TAGS if key in way.tags}
+        found.append(_Section(first, end, half, properties | {"half_width_m": half, "half_width_from": from_}))
         first = end
     return found
 
 
-def _vertices(lonlat: FloatArray, stretches: list[_Stretch]) -> tuple[FloatArray, list[float] | None]:
+def _vertices(lonlat: FloatArray, sections: list[_Section]) -> tuple[FloatArray, list[float] | None]:
     """Return the vertices of the line, those at a change of width twice, and the half widths at them [m]; None where one is unknown."""
-    halves = [one.half_width for one in stretches]
+    halves = [one.half_width for one in sections]
     known = [half for half in halves if half is not None]
     if len(known) < len(halves):
         return lonlat, None
     rows, reaches = [0], [known[0]]
-    for number, (one, half) in enumerate(zip(stretches, known, strict=True)):
+    for number, (one, half) in enumerate(zip(sections, known, strict=True)):
         if number and half != known[number - 1]:
             rows.append(one.first)
             reaches.append(half)

@@ -86,14 +86,14 @@ def stitched(
 
 def one_way(tags: Mapping[str, str], kind: str = "bus") -> int:
     """Return in which direction of a way traffic of a kind runs: 1 the way's own, -1 the other, 0 both."""
-    said = next((tags[key] for key in (f"oneway:{kind}", "oneway:psv", "oneway") if key in tags), None)
-    if said in {"yes", "true", "1"}:
+    oneway = next((tags[key] for key in (f"oneway:{kind}", "oneway:psv", "oneway") if key in tags), None)
+    if oneway in {"yes", "true", "1"}:
         opposite = any(tags.get(key, "").startswith("opposite") for key in ("busway", "busway:left", "busway:right"))
         return 0 if opposite else 1
-    if said in {"-1", "reverse"}:
+    if oneway in {"-1", "reverse"}:
         return -1
     implied = tags.get("junction") in {"roundabout", "circular"} or tags.get("highway") == "motorway"
-    return 1 if said is None and implied else 0
+    return 1 if oneway is None and implied else 0
 
 
 def _line(run: Sequence[Pass], places: Places) -> tuple[list[Part], list[Finding]]:

@@ -74,8 +74,8 @@ def choose_sides(case: Case) -> tuple[Road, tuple[Passed, ...]]:
             tried_ |= {number: _both(number, sides, road.passages, near, attempt) for number in part}
             chosen |= sides
             settled = settled | sides
-    told = (number for number in chosen if road.passages[number].on_line or road.passages[number].kind is Kind.OBSTACLE)
-    passed = tuple(_passed(case, road.passages[number], options[number], chosen[number], tried_.get(number)) for number in told)
+    noted = (number for number in chosen if road.passages[number].on_line or road.passages[number].kind is Kind.OBSTACLE)
+    passed = tuple(_passed(case, road.passages[number], options[number], chosen[number], tried_.get(number)) for number in noted)
     return road.passing(chosen), passed
 
 

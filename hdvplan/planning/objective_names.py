@@ -5,7 +5,7 @@ from __future__ import annotations
 from hdvplan import plugins
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import OBJECTIVE_NAMES, WEIGHTED
-from hdvplan.spelling import did_you_mean
+from hdvplan.texts import did_you_mean
 
 
 def check_objective(name: str) -> None:

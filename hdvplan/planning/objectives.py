@@ -166,7 +166,7 @@ class _Foreign:
         except HdvplanError:
             raise
         except Exception as error:
-            msg = f"objective {self.name!r} raises {plugins.said(error)}"
+            msg = f"objective {self.name!r} raises {plugins.error_text(error)}"
             raise OptionError(msg) from error
         if not isinstance(goal, Goal):
             msg = f"objective {self.name!r} returns something of type {type(goal).__name__}, not a Goal"

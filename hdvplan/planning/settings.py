@@ -6,7 +6,7 @@ one: a member of ``Discretisation``, and its branch in ``hdv_advance`` and ``lin
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import Annotated
@@ -31,6 +31,7 @@ class Discretisation(StrEnum):
 
 
 SHORTEST_STEP_M = 0.01  # below the accuracy that limits are judged with; a road has a station every step
+_FREE_M = 1e4
 MOST_STAGES = 20_000  # of one horizon: ten times what was ever measured, and what memory holds
 
 
@@ -171,3 +172,8 @@ class PlannerSettings:
     def executed(self) -> int:
         """Intervals executed before the next plan."""
         return round(self.replan / self.step)
+
+    @property
+    def unlimited(self) -> PlannerSettings:
+        """The settings of a plan that meets no limit: all give way by more than any road is wide."""
+        return replace(self, give_way=_FREE_M)

@@ -21,7 +21,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.errors import HdvplanError, SolverError
-from hdvplan.plugins import said
+from hdvplan.plugins import error_text
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 
 
@@ -204,7 +204,7 @@ def _attempt(solve: Callable[[], QpResult], judge: Judging) -> tuple[QpResult | 
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 - compiled solvers panic with what is no Exception, others leave by sys.exit
-        return None, str(error) if isinstance(error, HdvplanError) else said(error)
+        return None, str(error) if isinstance(error, HdvplanError) else error_text(error)
     return result, refusal(result, judged)
 
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
+from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import amount_text, verdict_of
 from hdvplan.report.colours import INK, MUTED, answer_colour, body_colour
@@ -39,14 +40,14 @@ def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
 def answer_of(results: Sequence[Result]) -> str:
     """Return one line for all vehicles; it begins with the word of the worst."""
     words = {result.drive.vehicle.name: verdict_of(result).word for result in results}
-    no = [name for name, word in words.items() if word == "NO"]
+    no = [name for name, word in words.items() if word == NO]
     if no:
-        return f"NO: {len(no)} of {len(words)} vehicles do{'es' * (len(no) == 1)} not fit: {', '.join(no)}"
+        return worded(NO, f"{len(no)} of {len(words)} vehicles do{'es' * (len(no) == 1)} not fit: {', '.join(no)}")
     widest = max(results, key=lambda result: verdict_of(result).half_width)
-    if "NEEDS" in words.values():
-        return f"NEEDS {verdict_of(widest).half_width:.2f} m to both sides for the {widest.drive.vehicle.name}, the widest of {len(words)}"
+    if NEEDS in words.values():
+        return f"{amount_text(verdict_of(widest))} for the {widest.drive.vehicle.name}, the widest of {len(words)}"
     tightest = min(results, key=_spare)
-    return f"YES: all {len(words)} vehicles fit; {amount_text(verdict_of(tightest))} for the {tightest.drive.vehicle.name}"
+    return worded(YES, f"all {len(words)} vehicles fit; {amount_text(verdict_of(tightest))} for the {tightest.drive.vehicle.name}")
 
 
 @styled()

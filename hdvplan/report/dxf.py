@@ -65,7 +65,7 @@ def dxf_bytes(result: Result, features: Sequence[Drawn] | None = None, answer: S
     """
     drive, system = result.drive, drawing_system(result.drive.road)
     notes = [
-        *((told(result, verdict_of(result)) for told in (verdict_line, verdict_details)) if answer is None else answer),
+        *((line_of(result, verdict_of(result)) for line_of in (verdict_line, verdict_details)) if answer is None else answer),
         f"road: {drive.road.name}, {drive.road.path.length:.1f} m",
         f"vehicle: {drive.vehicle.name}",
         *how_to_read(system),

@@ -73,15 +73,15 @@ def swept_features(result: Result, areas: Sequence[BaseGeometry] | None = None, 
     features += [region_feature(region, road, common) for region in road.regions]
     for track in wheel_tracks(drive):
         wheel, line = track.wheel, simple_line(track.points, _SIMPLER_M)
-        told = common | {"kind": "wheel track", "unit": body_name(vehicle, wheel.unit), "axle": wheel.axle, "side": wheel.side}
-        features.append(feature(line, road, told | _line_style(body_colour(wheel.unit), 1)))
+        properties = common | {"kind": "wheel track", "unit": body_name(vehicle, wheel.unit), "axle": wheel.axle, "side": wheel.side}
+        features.append(feature(line, road, properties | _line_style(body_colour(wheel.unit), 1)))
     return features
 
 
 def region_feature(region: Region, road: Road, common: Json) -> Json:
     """Return an obstacle or a sweepable area beside a road."""
-    told = common | {"kind": REGION, "region": str(region.kind)} | ({"name": region.label} if region.label else {})
-    return feature(shapely.simplify(region.polygon, _SIMPLER_M), road, told | area_style(MUTED))
+    properties = common | {"kind": REGION, "region": str(region.kind)} | ({"name": region.label} if region.label else {})
+    return feature(shapely.simplify(region.polygon, _SIMPLER_M), road, properties | area_style(MUTED))
 
 
 def swept_area(path: ReferencePath, s: FloatArray, left: FloatArray, right: FloatArray) -> BaseGeometry:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, TemplateError
 
+from hdvplan.answers import without_word
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.fileio import write_atomically
@@ -174,8 +175,8 @@ def _broken(breach: Json) -> str:
 def verdict_text(summary: Json) -> Json:
     """Return the answer that a summary holds, its first word by itself, and whether it is no."""
     verdict = summary.get("verdict") or {}
-    told = [str(text) for text in (verdict.get("text", summary["status"]), verdict.get("details")) if text]
-    word, _, rest = "; ".join(told).partition(" ")
+    word, text = str(verdict.get("word", "")), str(verdict.get("text", summary["status"]))
+    rest = "; ".join(filter(None, (without_word(text, word), verdict.get("details"))))
     return {"word": word, "rest": rest, "bad": verdict.get("fits") is False}
 
 

@@ -164,7 +164,7 @@ def joined_summary(pieces: Sequence[Kept]) -> Json:
     summary["status"] = min((one["status"] for one in every), key=_WORST_FIRST.index)
     summary["breaches"] = _breaches([breach for one in every for breach in one["breaches"]])
     summary["obstacles"] = _obstacles(pieces)
-    summary["manners"] = _manners([one["manners"] for one in every])
+    summary["manners"] = _steering([one["manners"] for one in every])
     summary["smoothing"] = _smoothing([one["smoothing"] for one in every], lengths)
     summary["time_ms"] = times_json(np.concatenate([one.times for one in pieces]))
     summary["stretches"] = {"count": len(every)}
@@ -223,7 +223,7 @@ def _goes_on(before: Json, after: Json) -> bool:
     return same and abs(after["s_from"] - before["s_to"]) <= ONE_M
 
 
-def _manners(every: list[Json]) -> Json:
+def _steering(every: list[Json]) -> Json:
     return {
         "steering": _use([one["steering"] for one in every]),
         "steering_rate": _use([one["steering_rate"] for one in every]),

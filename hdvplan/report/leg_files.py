@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
 from hdvplan.fileio import Column, json_bytes, table_bytes
-from hdvplan.judging.legs import Jackknife, LegsResult
+from hdvplan.judging.bodies import corners
+from hdvplan.judging.legs import JACKKNIFE, Jackknife, LegsResult
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
 from hdvplan.report.dxf import drawing_bytes, how_to_read
 from hdvplan.report.files import FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, path_table, regions_json
-from hdvplan.report.layers import drawing_system
-from hdvplan.report.leg_layers import leg_features, legs_geojson
+from hdvplan.report.geojson import REGION, region_feature, swept_features
+from hdvplan.report.layers import Drawn, Layer, Value, drawing_system, drawn_features, of_body
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import summary_of, verdict_json
 from hdvplan.road.legs import Leg
+from hdvplan.road.regions import Kind
 
 Json = dict[str, Any]
 _COMMON = ("road", "vehicle", "scheme", "solver", "objective", "settings", "bodies", "wheels", "notice", "clearance_wanted_m", "version")
-JACKKNIFE = "jack-knife"  # a status
+_ONCE = (Layer.OBSTACLES, Layer.SWEEPABLE)
+_OWN = (*_ONCE, Layer.ENVELOPE, Layer.VEHICLES)  # layers that a drive along one line draws otherwise
 
 
 def write_legs(
@@ -64,11 +69,11 @@ def summary_of_legs(driven: LegsResult) -> Json:
     Their articulations at the ends are in the order of driving. The bound on the tracking error holds along one line that is driven
     forwards: nothing is told of it.
     """
-    told = [summary_of(result, forecast=False, tracking=False) for result in driven.results]
-    legs = [_summary(driven, at, of_leg) for at, of_leg in enumerate(told)]
-    at, whole = driven.worst, told[0]
+    summaries = [summary_of(result, forecast=False, tracking=False) for result in driven.results]
+    legs = [_summary(driven, at, one) for at, one in enumerate(summaries)]
+    at, whole = driven.worst, summaries[0]
     verdict = verdict_json(driven.results[at], driven.verdicts[at])
-    decided = {"text": driven.text, "details": driven.details, "fits": driven.fits}
+    decided = {"text": driven.text, "details": driven.details, "word": driven.word, "fits": driven.fits}
     return {
         "verdict": verdict | decided | {name: legs[at][name] for name in ("leg", "direction", "jackknife")},
         **{name: whole[name] for name in _COMMON},
@@ -84,13 +89,13 @@ def summary_of_legs(driven: LegsResult) -> Json:
     }
 
 
-def _summary(driven: LegsResult, at: int, told: Json) -> Json:
+def _summary(driven: LegsResult, at: int, summary: Json) -> Json:
     leg, folded = driven.legs.legs[at], driven.jackknives[at]
     begin, end = (np.degrees(angles).tolist() for angles in driven.articulation(at))
-    told = {name: value for name, value in told.items() if name not in _COMMON}
-    told |= {} if folded is None else {"status": JACKKNIFE}
+    own = {name: value for name, value in summary.items() if name not in _COMMON}
+    own |= {} if folded is None else {"status": JACKKNIFE}
     ends = {"articulation_begin_deg": begin, "articulation_end_deg": end}
-    return {"leg": at + 1, "direction": leg.direction} | told | ends | {"jackknife": None if folded is None else _jackknife(folded)}
+    return {"leg": at + 1, "direction": leg.direction} | own | ends | {"jackknife": None if folded is None else _jackknife(folded)}
 
 
 def _jackknife(folded: Jackknife) -> Json:
@@ -145,6 +150,40 @@ def _sheet(driven: LegsResult, options: SheetOptions) -> bytes:
 
 
 def _film(driven: LegsResult) -> bytes:
-    from hdvplan.report.leg_film import legs_film_bytes  # noqa: PLC0415 - as above
+    from hdvplan.report.leg_plots import legs_film_bytes  # noqa: PLC0415 - as above
 
     return legs_film_bytes(driven)
+
+
+def leg_features(driven: LegsResult) -> tuple[Drawn, ...]:
+    """Return all features of the drawing, in the order of its layers, x, y [m]; those of a leg have ``leg`` and ``direction``."""
+    found = [one for at in range(len(driven.results)) for one in _of_leg(driven, at)]
+    for region in driven.legs.regions:
+        layer = Layer.OBSTACLES if region.kind is Kind.OBSTACLE else Layer.SWEEPABLE
+        found.append(Drawn(layer, region.polygon, {"name": region.label or None}, region.label))
+    return tuple(sorted(found, key=lambda one: list(Layer).index(one.layer)))
+
+
+def _of_leg(driven: LegsResult, at: int) -> Iterator[Drawn]:
+    result, leg = driven.results[at], driven.legs.legs[at]
+    drive, vehicle = result.drive, result.drive.vehicle
+    named: dict[str, Value] = {"leg": at + 1, "direction": leg.direction}
+    for one in drawn_features(result):
+        if one.layer not in _OWN:
+            yield replace(one, properties=named | one.properties)
+    for unit, area in enumerate(result.swept):
+        yield Drawn(Layer.ENVELOPE, area, named | of_body(vehicle, unit) | {"area_m2": float(shapely.area(area))})
+    ends = np.array([0, len(drive.poses_s) - 1])
+    for pose, bodies in zip(ends, corners(drive, ends), strict=True):
+        for unit, outline in enumerate(bodies):
+            yield Drawn(Layer.VEHICLES, shapely.Polygon(outline), named | of_body(vehicle, unit) | {"s_m": float(drive.poses_s[pose])})
+
+
+def legs_geojson(driven: LegsResult) -> Json:
+    """Return a FeatureCollection as of a road, with ``leg`` and ``direction``; swept areas include what lies beyond the lines' ends."""
+    name, features = driven.legs.name, list[Json]()
+    for number, (result, leg) in enumerate(zip(driven.results, driven.legs.legs, strict=True), start=1):
+        of_leg = swept_features(result, result.swept, {"road": name, "leg": number, "direction": leg.direction})
+        features += [one for one in of_leg if one["properties"]["kind"] != REGION]  # a leg's are cut
+    regions = [region_feature(region, driven.legs.legs[0].road, {"road": name}) for region in driven.legs.regions]
+    return {"type": "FeatureCollection", "features": features + regions}

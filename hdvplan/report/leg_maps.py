@@ -17,7 +17,7 @@ from hdvplan.judging.legs import LegsResult
 from hdvplan.judging.result import Result
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK
 from hdvplan.report.kerbs import shown_kerbs
-from hdvplan.report.maps import SLIDE, Turn, draw_bodies, outline_of, point
+from hdvplan.report.maps import SLIDE, UNTURNED, Turn, draw_bodies, outline_of, point
 from hdvplan.report.style import ON_WHITE
 from hdvplan.road.legs import direction_of
 from hdvplan.road.regions import Kind
@@ -66,11 +66,11 @@ def line_of(result: Result) -> FloatArray:
     return np.column_stack(drive.stations.path.to_plane(drive.poses_s, drive.poses_z[:, 0]))
 
 
-def draw_swept(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = np.asarray) -> FloatArray:
+def draw_swept(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> FloatArray:
     """Draw what each leg sweeps, labelled once a direction; return points around all of it (n, 2) [m], as they lie on the paper."""
     seen, named = list[FloatArray](), set[str]()
-    for result, leg in zip(driven.results, driven.legs.legs, strict=True):
-        area = shapely.transform(shapely.union_all(result.swept), turned)
+    for swept, leg in zip(driven.swept, driven.legs.legs, strict=True):
+        area = shapely.transform(swept, turned)
         seen.append(shapely.get_coordinates(area))
         draw_area(axes, area, backward=leg.backward, named=leg.direction not in named, weight=weight)
         named.add(leg.direction)
@@ -84,7 +84,7 @@ def draw_area(axes: Axes, area: BaseGeometry, *, backward: bool, named: bool, we
     axes.add_patch(PathPatch(outline_of(area), label=label, **look))
 
 
-def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = np.asarray) -> None:
+def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
     """Draw what stays as it is: obstacles, kerbs, and the line of every leg with arrows, and where something is broken."""
     for region in driven.legs.regions:
         colour = "0.6" if region.kind is Kind.OBSTACLE else "0.85"
@@ -110,7 +110,7 @@ def draw_line(axes: Axes, line: FloatArray, *, backward: bool, named: bool, weig
         axes.annotate("", point(line[at + 1]), point(line[at]), zorder=5, arrowprops=style | {"shrinkA": 0.0, "shrinkB": 0.0})
 
 
-def draw_stops(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = np.asarray) -> None:
+def draw_stops(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
     """Draw the vehicle at the start, at every cusp and at the end, with the articulation there."""
     for stop in stops_of(driven):
         result = driven.results[stop.leg]
@@ -118,7 +118,7 @@ def draw_stops(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned:
         draw_stop(axes, stop, weight=weight, turned=turned)
 
 
-def draw_stop(axes: Axes, stop: Stop, *, weight: float = SLIDE, turned: Turn = np.asarray) -> None:
+def draw_stop(axes: Axes, stop: Stop, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
     """Mark where the lead rear axle stands, with the name and the articulation."""
     place = turned(stop.place[None])[0]
     axes.plot(*place, marker="o", color="white", markeredgecolor=INK, markersize=4.7 * weight, zorder=7)

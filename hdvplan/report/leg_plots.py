@@ -1,8 +1,11 @@
-"""The picture of a drive of several legs: one map of all of them, and what the vehicle does over the way that it drives."""
+"""A drive of several legs, as a picture and as a film.
+
+The picture has one map of all legs, and what the vehicle does over the way that it drives; in the film it moves forwards and backwards.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import shapely
@@ -10,19 +13,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hdvplan.arrays import FloatArray
+from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import LegsResult
+from hdvplan.report.animation import LAST_MS, Pose, frames_of, gif_bytes, ground_of, paced
 from hdvplan.report.colours import BREACH, INK, MUTED, answer_colour, body_colour
-from hdvplan.report.leg_maps import COLOURS, draw_ground, draw_stops, draw_swept
+from hdvplan.report.leg_maps import COLOURS, draw_ground, draw_stops, draw_swept, stops_of
 from hdvplan.report.maps import ROOM_M, finish_map, frame
 from hdvplan.report.style import SLIDE_IN, styled, write_head
+from hdvplan.road.legs import direction_of
 from hdvplan.road.regions import Kind
-from hdvplan.vehicle.jackknife import critical_angles
+from hdvplan.vehicle.kinematics import critical_angles
 
 _SHADE = 0.10  # behind what is driven backwards
 _ROOMY_M = 3.0  # more room than that needs no place in a diagram
 _SHOWN = 1.3  # times the largest articulation is a critical angle near enough to be drawn
 
 Panel = Callable[[Axes, LegsResult, int, FloatArray], None]  # draws a leg, given what turns its s into the way driven
+_STANDS_MS = 900  # at a cusp, while the steering turns
 
 
 @styled()
@@ -40,8 +47,7 @@ def legs_figure(driven: LegsResult) -> Figure:
         first = first or axes
     axes.set_xlabel("way driven [m]")
     notice = driven.results[0].drive.road.notice
-    title = f"{driven.results[0].drive.vehicle.name} on {driven.legs.name}: {driven.text}"
-    write_head(figure, title, answer_colour(fits=driven.fits), size="large", notice=notice)
+    write_head(figure, f"{driven.name}: {driven.text}", answer_colour(fits=driven.fits), size="large", notice=notice)
     return figure
 
 
@@ -129,3 +135,32 @@ def _draw_curvature(axes: Axes, driven: LegsResult, at: int, way: FloatArray) ->
         for sign in (1.0, -1.0):
             axes.axhline(sign * drive.vehicle.max_curvature, color=BREACH, linestyle=(0, (4, 2)), linewidth=1.0)
     axes.set_ylabel("curvature steered [1/m]")
+
+
+def legs_film_bytes(driven: LegsResult) -> bytes:
+    """Return the drive as an animated GIF that waits at every cusp, and tells the articulation there."""
+    first = driven.results[0].drive
+    outline = np.concatenate([np.asarray(area.bounds).reshape(2, 2) for area in driven.swept])
+
+    def draw(axes: Axes) -> None:
+        draw_ground(axes, driven)
+        frame(axes, outline, ROOM_M)
+        finish_map(axes, north=first.road.to_lonlat is not None)
+
+    swept = [f"swept {direction_of(backward=backward)}" for backward in (False, True)]
+    head = (driven.title, answer_colour(fits=driven.fits), first.road.notice)
+    return gif_bytes(frames_of(ground_of(draw, swept, head, bodies=len(first.vehicle.units)), _poses(driven)))
+
+
+def _poses(driven: LegsResult) -> Iterator[Pose]:
+    """Yield all poses in the order of driving; every simulated one sweeps, a few are shown, and every stop is."""
+    ends = stops_of(driven)[1:]
+    for at, (result, leg, end) in enumerate(zip(driven.results, driven.legs.legs, ends, strict=True)):
+        drive, swept = result.drive, (int(leg.backward),) * len(result.drive.vehicle.units)
+        order = np.arange(len(drive.poses_s))[:: -1 if leg.backward else 1]
+        stride = paced(float(drive.poses_s[1] - drive.poses_s[0]))
+        outlines = corners(drive, order)
+        for number, bodies in enumerate(outlines[:-1], start=1):
+            shown = (len(order) - number) % stride == 0
+            yield Pose(bodies, swept, f"leg {at + 1} of {len(ends)}, {leg.direction}" if shown else None)
+        yield Pose(outlines[-1], swept, end.text, LAST_MS if at == len(ends) - 1 else _STANDS_MS)

@@ -6,16 +6,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 import shapely
 from matplotlib.axes import Axes
 
 from hdvplan.judging.legs import LegsResult
 from hdvplan.report.layers import drawn_features
 from hdvplan.report.leg_maps import Stop, draw_ground, draw_stops, draw_swept, stops_of
-from hdvplan.report.paper import Page, SheetOptions, page_around
+from hdvplan.report.paper import Page, SheetOptions, Size, map_mm, page_around
 from hdvplan.report.rooms import Room
-from hdvplan.report.sheet import Sheet, Size, map_mm, pdf_bytes, rows_of
+from hdvplan.report.sheet import Sheet, pdf_bytes, rows_of
 from hdvplan.report.sheetmap import draw_inset, draw_marks, draw_place, head_inset, inset_scale, look_at, look_at_page, places_of
 
 _PAPER = 1.0  # width of lines, of those on a sheet
@@ -30,19 +29,19 @@ def legs_sheet_bytes(driven: LegsResult, options: SheetOptions, *, date: str | N
 
     """
     lengths = [leg.road.path.length for leg in driven.legs.legs]
-    outline = np.concatenate([shapely.get_coordinates(area) for result in driven.results for area in result.swept])
+    outline = shapely.get_coordinates(driven.swept)
     page = page_around(outline, sum(lengths), map_mm(options), options.scale)
     first = driven.results[0]
-    told = ", ".join(f"{leg.direction} {length:.1f} m" for leg, length in zip(driven.legs.legs, lengths, strict=True))
+    each = ", ".join(f"{leg.direction} {length:.1f} m" for leg, length in zip(driven.legs.legs, lengths, strict=True))
     rows = rows_of(first, (driven.legs.name, first.drive.road.notice), page, options.paper, date)
     tightest = _tightest(driven, page) if driven.fits is not None else None
     places = [] if tightest is None else [_enlarged(driven, page, tightest)]
     places += [partial(_draw_stop, driven=driven, page=page, stop=stop) for stop in stops_of(driven)[1:]]
     sheet = Sheet(
-        first.drive.vehicle, driven.fits, f"{driven.text}; {driven.details}", (*rows, ("legs", told)),
+        first.drive.vehicle, driven.fits, f"{driven.text}; {driven.details}", (*rows, ("legs", each)),
         partial(_draw_map, driven=driven, page=page, tightest=tightest), tuple(places),
     )  # fmt: skip
-    title = f"{first.drive.vehicle.name} on {driven.legs.name}, {len(lengths)} legs, {sum(lengths):.0f} m"
+    title = f"{driven.name}, {len(lengths)} legs, {sum(lengths):.0f} m"
     return pdf_bytes([sheet], options.paper, title, driven.text)
 
 
@@ -71,7 +70,8 @@ def _draw_map(axes: Axes, size_mm: Size, driven: LegsResult, page: Page, tightes
 def _draw_stop(axes: Axes, size_mm: Size, driven: LegsResult, page: Page, stop: Stop) -> None:
     """Draw the vehicle where it stands, larger, and its surroundings."""
     _draw_legs(axes, driven, page)
-    scale = 2 * inset_scale(page)
+    inset = inset_scale(page)
+    scale = 2 * inset if 2 * inset < page.scale else inset  # more of the surroundings, where that is still larger than on the map
     look_at(axes, page.turned(stop.place[None])[0], size_mm, scale)
     head_inset(axes, f"{stop.text}   1:{scale}")
 

@@ -1,4 +1,4 @@
-"""The pictures of manoeuvres, to scale: of a turn with the standard's circles, and of forward and backward legs in their place."""
+"""The pictures of manoeuvres, to scale: of a turn with the standard's circles, and of forward and backward legs in their site."""
 
 from __future__ import annotations
 

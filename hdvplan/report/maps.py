@@ -28,6 +28,7 @@ from hdvplan.report.style import ON_WHITE, body_dark, body_fill
 from hdvplan.road.path import ReferencePath
 
 Turn = Callable[[FloatArray], FloatArray]  # of points (n, 2) of the road's plane, as they lie on the paper
+UNTURNED: Turn = np.asarray
 
 SLIDE = 1.5  # how much thicker lines are on a slide than on a sheet of paper
 _SPACING_M = 0.5
@@ -60,13 +61,13 @@ _LOOKS: dict[Layer, tuple[str, dict[str, Any]]] = {  # what the legend says, and
 }
 
 
-def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, weight: float = SLIDE, turned: Turn | None = None) -> None:
+def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
     """Draw the layers of a drawing but vehicles and clearances, as far as they lie in ``view``; the first of a kind is labelled."""
     labels = set[str]()
     for feature in sorted(features, key=_order):
         if feature.layer not in _LOOKS:
             continue
-        placed = feature.geometry if turned is None else shapely.transform(feature.geometry, turned)
+        placed = shapely.transform(feature.geometry, turned)
         line = isinstance(placed, shapely.LineString)  # intersections of one that runs round and round would take minutes
         seen = shapely.clip_by_rect(placed, *view.bounds) if line else shapely.intersection(shapely.make_valid(placed), view)
         if seen.is_empty:
@@ -131,9 +132,9 @@ def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> No
     axes.set_title("overview", fontsize="small", loc="left")
 
 
-def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turned: Turn | None = None) -> None:
+def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
     """Draw outlines (poses, bodies, 4, 2), as ``corners`` has them, an arrow head in the front of the lead unit."""
-    shown = outlines if turned is None else turned(outlines.reshape(-1, 2)).reshape(outlines.shape)
+    shown: FloatArray = turned(outlines.reshape(-1, 2)).reshape(outlines.shape)
     colours = [body_colour(unit) for unit in range(shown.shape[1])] * len(shown)
     drawn = PolyCollection(
         list(shown.reshape(-1, 4, 2)), facecolors="white", edgecolors=colours, linewidths=0.9 * weight, alpha=0.7, zorder=3
@@ -144,9 +145,9 @@ def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turn
         axes.plot(*heads.T, color=body_colour(0), linewidth=0.7 * weight, zorder=3.5)
 
 
-def draw_tube(axes: Axes, tube: BaseGeometry, *, turned: Turn | None = None) -> None:
+def draw_tube(axes: Axes, tube: BaseGeometry, *, turned: Turn = UNTURNED) -> None:
     """Draw what bodies sweep at most while the driver errs as much as is allowed, as a pale band behind what they sweep."""
-    placed = tube if turned is None else shapely.transform(tube, turned)
+    placed = shapely.transform(tube, turned)
     axes.add_patch(PathPatch(outline_of(placed), facecolor="0.75", edgecolor="none", zorder=0.5, label="with the driver's error"))
 
 
@@ -159,9 +160,9 @@ def draw_letter(axes: Axes, letter: str, at: FloatArray, away_pt: tuple[float, f
     )  # fmt: skip
 
 
-def draw_room(axes: Axes, room: Room, text: str, text_at: FloatArray, *, turned: Turn | None = None) -> None:
+def draw_room(axes: Axes, room: Room, text: str, text_at: FloatArray, *, turned: Turn = UNTURNED) -> None:
     """Draw the least room at a place as a dimension, with ``text`` at ``text_at``, a place on the paper (2,) [m]."""
-    first, last = room.ends if turned is None else turned(room.ends)
+    first, last = turned(room.ends)
     colour = BREACH if room.broken else INK
     style = {"arrowstyle": "|-|", "color": colour, "linewidth": 1.1, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
     axes.annotate("", point(last), point(first), arrowprops=style, zorder=8)
@@ -263,7 +264,7 @@ def draw_north(axes: Axes, tip: tuple[float, float], turn: float = 0.0) -> None:
 
 
 def draw_direction(
-    axes: Axes, path: ReferencePath, s_from: float, s_to: float, *, count: int, weight: float = SLIDE, turned: Turn | None = None
+    axes: Axes, path: ReferencePath, s_from: float, s_to: float, *, count: int, weight: float = SLIDE, turned: Turn = UNTURNED
 ) -> None:
     """Draw arrows in the direction of travel on the road's centre, ``count`` of them between two arclengths [m]."""
     points = np.column_stack(path.to_plane(np.linspace(s_from, s_to, 50), 0.0))
@@ -271,5 +272,5 @@ def draw_direction(
     style = {"arrowstyle": "-|>", "color": INK, "linewidth": 0.8 * weight, "mutation_scale": 9.0 * weight, "shrinkA": 0.0, "shrinkB": 0.0}
     for s in s_from + (np.arange(count) + 0.5) * (s_to - s_from) / count:
         ends = np.column_stack(path.to_plane(np.array([s, min(s + long, path.length)]), 0.0))
-        tail, tip = ends if turned is None else turned(ends)
+        tail, tip = turned(ends)
         axes.annotate("", point(tip), point(tail), zorder=7, arrowprops=style)

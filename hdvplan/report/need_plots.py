@@ -25,10 +25,10 @@ _MOST = 4  # places shown, the largest first
 
 
 @styled()
-def need_figure(shown: Result, features: Sequence[Drawn], lines: Sequence[str], s: float) -> Figure:
+def need_figure(shown: Result, features: Sequence[Drawn], lines: Sequence[str], s: float, *, fits: bool | None) -> Figure:
     """Return the picture of a need: where to widen the road's own limits, or the place ``s`` [m] that decides how much room is needed.
 
-    ``features`` are those of its drawing, ``lines`` its answer.
+    ``features`` are those of its drawing, ``lines`` its answer, which ``fits`` sums up.
     """
     road, patches = shown.drive.road, [feature for feature in features if feature.layer is Layer.WIDENING]
     windows = _windows(patches, s, road)
@@ -45,7 +45,7 @@ def need_figure(shown: Result, features: Sequence[Drawn], lines: Sequence[str], 
             handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncols=6)
     title = "\n".join(fill(line, _TITLE) for line in lines)
-    write_head(figure, title, answer_colour(fits=not lines[0].startswith("NO")), notice=road.notice)
+    write_head(figure, title, answer_colour(fits=fits), notice=road.notice)
     return figure
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.fileio import Together, json_bytes
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import place_text, proof_text, tracking_line
@@ -32,7 +33,7 @@ _WIDENINGS = {"area": "widening.geojson", "depth": "widening_least_depth.geojson
 
 
 def need_lines(need: Need) -> list[str]:
-    """Return the answer in sentences, the most important first; each begins with YES, NO or NEEDS."""
+    """Return the answer in sentences, the most important first; each begins with its word."""
     lines = []
     if need.widenings is not None:
         lines.append(_widening_line(need))
@@ -40,9 +41,9 @@ def need_lines(need: Need) -> list[str]:
     kept = f", {need.case.settings.clearance:.2f} m of clearance included" if need.case.settings.clearance > 0.0 else ""
     if need.room.result is not None and need.place is not None:
         where = "to both sides of the line" if need.side is None else f"on the {need.side}"
-        lines.append(f"NEEDS {need.room.room:.2f} m {where} for the {vehicle}{kept}: decided {_place_text(need, need.place)}")
+        lines.append(worded(NEEDS, f"{need.room.room:.2f} m {where} for the {vehicle}{kept}: decided {_place_text(need, need.place)}"))
     elif need.side is None:
-        lines.append(f"NO: no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need.room)}")
+        lines.append(worded(NO, f"no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need.room)}"))
     else:
         lines.append(_held_line(need, vehicle))
     if need.bound is not None:
@@ -57,7 +58,7 @@ def _bound_text(need: Need, bound: Bound) -> str:
 
 def _held_line(need: Need, vehicle: str) -> str:
     other = "right" if need.side == "left" else "left"
-    none = f"NO: no plan was found for the {vehicle} that keeps the {other} edge, however wide the {need.side} is"
+    none = worded(NO, f"no plan was found for the {vehicle} that keeps the {other} edge, however wide the {need.side} is")
     if need.held is None or need.held.result is None or need.place is None:
         return none
     return f"{none}; one was found with the {other} edge {need.held.room:.2f} m off, decided {_place_text(need, need.place)}"
@@ -67,14 +68,13 @@ def _widening_line(need: Need) -> str:
     widenings, vehicle = need.widenings, need.case.vehicle.name
     assert widenings is not None  # noqa: S101 - for the type checker
     if widenings.fitting is not None:
-        return f"YES: the {vehicle} fits within the road's own limits; {tracking_line(widenings.fitting)}"
+        return worded(YES, f"the {vehicle} fits within the road's own limits; {tracking_line(widenings.fitting)}")
     if widenings.area is None or widenings.depth is None:
-        return f"NO: the {vehicle} does not fit, and no widening of the road's own limits was found that would do{_why(need.room)}"
+        return worded(NO, f"the {vehicle} does not fit, and no widening of the road's own limits was found that would do{_why(need.room)}")
     area, depth = widenings.area, widenings.depth
     least = f"widening the road by {_area_text(area.area)} would do, {area.depth:.2f} m at the deepest"
-    if area.area == depth.area:
-        return f"NO: the {vehicle} does not fit; {least}"
-    return f"NO: the {vehicle} does not fit; {least}, or {_area_text(depth.area)} nowhere deeper than {depth.depth:.2f} m"
+    other = "" if area.area == depth.area else f", or {_area_text(depth.area)} nowhere deeper than {depth.depth:.2f} m"
+    return worded(NO, f"the {vehicle} does not fit; {least}{other}")
 
 
 def _area_text(area: float) -> str:
@@ -266,4 +266,4 @@ def _drawn(need: Need, shown: Result, kind: str) -> bytes:
     from hdvplan.report.need_plots import need_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
-    return figure_bytes(need_figure(shown, features, lines, 0.0 if need.place is None else need.place.s), kind)
+    return figure_bytes(need_figure(shown, features, lines, 0.0 if need.place is None else need.place.s, fits=need.fits), kind)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -11,6 +13,8 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
 from hdvplan.report.rooms import shown_reach, tightest_windows
+from hdvplan.road.path import ReferencePath
+from hdvplan.vehicle.model import Vehicle
 
 PAPERS_MM = {"a4": (297.0, 210.0), "a3": (420.0, 297.0), "a2": (594.0, 420.0), "a1": (841.0, 594.0), "a0": (1189.0, 841.0)}  # landscape
 SCALES = (50, 100, 200, 250, 500, 1000, 2000)  # round ones, largest first: 1:50
@@ -21,6 +25,23 @@ _MOST_SHEETS = 12  # of a whole road; longer ones are drawn where it is tight
 _OVERLAP_M = 5.0  # of neighbouring sheets
 _ROOM_MM = 8.0  # around what is drawn
 _SPACING_M = 1.0
+_LAID = 50  # places of a line by which a scale is tried before anything is planned
+_FRAME_MM = 8.0
+_SHARE, _COLUMN_MM = 0.27, (86.0, 135.0)  # of the paper's width for the column of insets and title
+_STRIP_MM = (44.0, 70.0)  # below the map, for the vehicle
+_TITLE_MM, _LEGEND_MM = 74.0, 30.0
+BAND_MM = 15.0  # below the road, for scale bar and north arrow
+
+Size = tuple[float, float]  # of axes on paper [mm]
+
+
+class Box(NamedTuple):
+    """A rectangle on the paper [mm], from its lower left corner."""
+
+    x: float
+    y: float
+    width: float
+    height: float
 
 
 @dataclass(frozen=True)
@@ -77,6 +98,48 @@ class Page:
         cos, sin = np.cos(self.turn), np.sin(self.turn)
         turned: FloatArray = points @ np.array([[cos, sin], [-sin, cos]])
         return turned
+
+
+def layout(width: float, height: float) -> tuple[Box, Box, Box, Box, Box]:
+    """Return the places of the map, the vehicle, the insets, the legend and the title on a paper of this size [mm]."""
+    column = min(max(_SHARE * width, _COLUMN_MM[0]), _COLUMN_MM[1])
+    strip = min(max(0.2 * height, _STRIP_MM[0]), _STRIP_MM[1])
+    right, inner = width - _FRAME_MM - column, height - 2.0 * _FRAME_MM
+    field = Box(_FRAME_MM, _FRAME_MM + strip, right - _FRAME_MM, inner - strip)
+    vehicle = Box(_FRAME_MM, _FRAME_MM, right - _FRAME_MM, strip)
+    title = Box(right, _FRAME_MM, column, _TITLE_MM)
+    legend = Box(right, _FRAME_MM + _TITLE_MM, column, _LEGEND_MM)
+    insets = Box(right, legend.y + _LEGEND_MM, column, inner - _TITLE_MM - _LEGEND_MM)
+    return field, vehicle, insets, legend, title
+
+
+def map_mm(options: SheetOptions) -> Size:
+    """Return the size of the map on a paper, without the band of the scale bar [mm]."""
+    field, *_ = layout(*PAPERS_MM[options.paper])
+    return field.width, field.height - BAND_MM
+
+
+def places_on(options: SheetOptions) -> int:
+    """Return how many enlarged places a paper has room for."""
+    insets = layout(*PAPERS_MM[options.paper])[2]
+    return max(1, round(insets.height / (0.62 * insets.width)))
+
+
+def check_scale(options: SheetOptions | None, paths: Sequence[ReferencePath], vehicle: Vehicle, *, whole: bool) -> None:
+    """Refuse, before anything is planned, a scale at which a sheet has no room for a vehicle on the ``whole`` of lines, or on their begin.
+
+    Raises:
+        OptionError: it has none.
+
+    """
+    if options is None or options.scale is None:
+        return
+    edges = []
+    for path in paths:
+        s = np.linspace(0.0, path.length if whole else min(2.0 * _OVERLAP_M, path.length), _LAID)
+        edges += [np.column_stack(path.to_plane(s, np.full(_LAID, side * 0.5 * vehicle.width))) for side in (1.0, -1.0)]
+    if _laid(np.concatenate(edges), Page(0.0, 0.0, 0.0, (0.0, 0.0), options.scale), map_mm(options)) is None:
+        raise _refusal(options.scale, "the whole drive" if whole else f"the {vehicle.name}")
 
 
 def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -> tuple[Page, ...]:

@@ -41,7 +41,7 @@ def reversal_json(answer: Answer) -> Json:
         "needed_m": chosen.manoeuvre.size,
         "fits_with_m": chosen.manoeuvre.rounded,
         "options": {name: value for name, value in vars(answer.options).items() if value is not None},
-        "ends_m": {name: float(far) for (name, _), far in zip(chosen.manoeuvre.place.ends, chosen.manoeuvre.reaches, strict=True)},
+        "ends_m": {name: float(far) for (name, _), far in zip(chosen.manoeuvre.site.ends, chosen.manoeuvre.reaches, strict=True)},
         "least_room_m": float(room.min()),
         "over_kerbs_m": chosen.manoeuvre.over_kerbs,
         "tried": [
@@ -72,20 +72,20 @@ def reversal_json(answer: Answer) -> Json:
 
 def reversal_tables(answer: Answer, directory: str) -> tuple[Table, ...]:
     """Return the legs, a row each, and the numbers of legs that were tried."""
-    told = reversal_json(answer)
+    summary = reversal_json(answer)
     rows = [
         (
             f"{leg['leg']}", leg["direction"], f"{leg['length_m']:.2f}", " to ".join(f"{angle:.0f}" for angle in leg["heading_deg"]),
             f"{max(leg['articulation_most_deg'], default=0.0):.1f}", f"{leg['least_room_m']:.2f}", leg["beside"],
         )
-        for leg in told["legs"]
+        for leg in summary["legs"]
     ]  # fmt: skip
     columns = ("leg", "direction", "length [m]", "heading [deg]", "articulation [deg]", "least room [m]", "beside")
     legs = grid(
         f"{answer.vehicle.name}, {answer.template}, {answer.size:.2f} m of {answer.template.words}", columns, rows,
         text=("direction", "beside"), caption=f"articulation: the largest of the leg; written to {directory}",
     )  # fmt: skip
-    return (legs,) if answer.template.docks else (legs, _tried_table(told["tried"], answer.template.words))
+    return (legs,) if answer.template.docks else (legs, _tried_table(summary["tried"], answer.template.words))
 
 
 def _tried_table(tried: Sequence[Json], words: str) -> Table:
@@ -120,7 +120,7 @@ def legs_road(answer: Answer) -> Json:
     It lies about longitude 0 and latitude 0, which is no place, as GeoJSON knows no metres; there they are true to 1e-6.
     """
     to_lonlat = placed(np.zeros((2, 2)), LONLAT).to_lonlat
-    view, place = view_of(answer), answer.chosen.manoeuvre.place
+    view, site = view_of(answer), answer.chosen.manoeuvre.site
 
     def there(points: FloatArray) -> FloatArray:
         return np.asarray(np.round(np.column_stack(to_lonlat(points[:, 0], points[:, 1])), 10), dtype=float)
@@ -132,7 +132,7 @@ def legs_road(answer: Answer) -> Json:
         feature(shapely.LineString(line_of(leg)), {"leg": number, "direction": leg.direction})
         for number, leg in enumerate(answer.chosen.manoeuvre.legs, start=1)
     ]
-    allowed = [place.overhang] * len(place.blocks) + [place.beyond_ends] * len(answer.walls)
+    allowed = [site.overhang] * len(site.blocks) + [site.beyond_ends] * len(answer.walls)
     for block, overhang in zip(answer.blocks, allowed, strict=True):
         solid, whole = block.eroded(overhang).area(view), block.area(view)
         features.append(feature(solid, {"name": block.name, "region": "obstacle"}))

@@ -9,7 +9,6 @@ from functools import partial
 from io import BytesIO
 from itertools import zip_longest
 from textwrap import wrap
-from typing import NamedTuple
 
 import matplotlib as mpl
 import shapely
@@ -24,35 +23,19 @@ from hdvplan.judging.verdict import tracking_line, verdict_line, verdict_of, ver
 from hdvplan.report.colours import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_view
 from hdvplan.report.layers import LONLAT_CODE, drawn_features, map_system
-from hdvplan.report.paper import PAPERS_MM, Page, SheetOptions, pages_of
-from hdvplan.report.sheetmap import BAND_MM, draw_field, draw_inset, places_of
+from hdvplan.report.paper import PAPERS_MM, Box, Page, SheetOptions, Size, layout, map_mm, pages_of, places_on
+from hdvplan.report.sheetmap import draw_field, draw_inset, places_of
 from hdvplan.report.style import styled
 from hdvplan.report.tube import tubes_of
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 
-_FRAME_MM = 8.0
-_SHARE, _COLUMN_MM = 0.27, (86.0, 135.0)  # of the paper's width for the column of insets and title
-_STRIP_MM = (44.0, 70.0)  # below the map, for the vehicle
-_TITLE_MM, _LEGEND_MM = 74.0, 30.0
 _MM_IN = 25.4
 _MM_PT = _MM_IN / 72.0
 _LETTER, _BOLD = 0.56, 1.12  # mean width of a letter over the type's size, and what bold adds
 _SMALL, _TEXT, _VERDICT = 5.5, 7.0, 9.5  # of type [pt]
 _MARGIN_MM = 3.0
 _ONE_COLUMN = 3  # rows of a legend that fill one
-
-
-class Box(NamedTuple):
-    """A rectangle on the paper [mm], from its lower left corner."""
-
-    x: float
-    y: float
-    width: float
-    height: float
-
-
-Size = tuple[float, float]  # of axes on paper [mm]
 
 
 @dataclass(frozen=True)
@@ -109,18 +92,6 @@ def pdf_bytes(sheets: Iterable[Sheet], paper: str, title: str, subject: str) -> 
     return buffer.getvalue()
 
 
-def map_mm(options: SheetOptions) -> Size:
-    """Return the size of the map on a paper, without the band of the scale bar [mm]."""
-    field, *_ = _layout(*PAPERS_MM[options.paper])
-    return field.width, field.height - BAND_MM
-
-
-def places_on(options: SheetOptions) -> int:
-    """Return how many enlarged places a paper has room for."""
-    insets = _layout(*PAPERS_MM[options.paper])[2]
-    return max(1, round(insets.height / (0.62 * insets.width)))
-
-
 def rows_of(result: Result, about: tuple[str, str | None], page: Page, paper: str, date: str | None) -> tuple[tuple[str, str], ...]:
     """Return the title block's rows of any plan; ``about`` are what is said of the road, and its notice."""
     vehicle, (road, notice) = result.drive.vehicle, about
@@ -135,23 +106,10 @@ def rows_of(result: Result, about: tuple[str, str | None], page: Page, paper: st
     )
 
 
-def _layout(width: float, height: float) -> tuple[Box, Box, Box, Box, Box]:
-    """Return the places of the map, the vehicle, the insets, the legend and the title on a paper of this size [mm]."""
-    column = min(max(_SHARE * width, _COLUMN_MM[0]), _COLUMN_MM[1])
-    strip = min(max(0.2 * height, _STRIP_MM[0]), _STRIP_MM[1])
-    right, inner = width - _FRAME_MM - column, height - 2.0 * _FRAME_MM
-    field = Box(_FRAME_MM, _FRAME_MM + strip, right - _FRAME_MM, inner - strip)
-    vehicle = Box(_FRAME_MM, _FRAME_MM, right - _FRAME_MM, strip)
-    title = Box(right, _FRAME_MM, column, _TITLE_MM)
-    legend = Box(right, _FRAME_MM + _TITLE_MM, column, _LEGEND_MM)
-    insets = Box(right, legend.y + _LEGEND_MM, column, inner - _TITLE_MM - _LEGEND_MM)
-    return field, vehicle, insets, legend, title
-
-
 def _figure(sheet: Sheet, paper: str) -> Figure:
     width, height = PAPERS_MM[paper]
     figure = Figure(figsize=(width / _MM_IN, height / _MM_IN))
-    boxes = _layout(width, height)
+    boxes = layout(width, height)
     for box in boxes:
         corner = (box.x / width, box.y / height)
         figure.add_artist(Rectangle(corner, box.width / width, box.height / height, fill=False, edgecolor=INK, linewidth=0.7))

@@ -14,14 +14,13 @@ from hdvplan.judging.result import Result, body_name
 from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.layers import Drawn, outline_places
 from hdvplan.report.maps import draw_bodies, draw_direction, draw_features, draw_letter, draw_north, draw_room, draw_tube
-from hdvplan.report.paper import Page
+from hdvplan.report.paper import BAND_MM, Page
 from hdvplan.report.rooms import Room, peaks, pose_touching, room_at, shown_reach, tightness
 from hdvplan.report.style import ON_WHITE
 
 _BARS_M = (200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 _LONGEST_BAR_MM = 105.0
-_INSET_SCALES = ((1000, 200), (200, 100), (0, 50))  # from this scale of the sheet on
-BAND_MM = 15.0  # below the road, for scale bar and north arrow
+_INSET_SCALES = ((1000, 200), (200, 100), (100, 50), (40, 20), (20, 10), (0, 5))  # from this scale of the sheet on: at least twice as large
 _PLACES_APART_M = 15.0
 _BESIDE_MM = 7.0  # of an enlarged place: its text
 _LONG_SHARE = 0.3  # of an enlarged place's height: longer dimensions have room for their text

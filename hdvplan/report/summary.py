@@ -104,6 +104,7 @@ def verdict_json(result: Result, verdict: Verdict) -> Json:
     return {
         "text": verdict_line(result, verdict),
         "details": verdict_details(result, verdict),
+        "word": verdict.word,
         "fits": verdict.fits,
         "spare_m": verdict.spare,
         "half_width_m": verdict.half_width,

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
+from hdvplan.answers import room_text
 from hdvplan.errors import TurnError
 from hdvplan.report.manoeuvre_plots import turns_figure
 from hdvplan.report.turns import turn_json
@@ -134,7 +135,7 @@ def _europe(circles: dict[str, Turn | TurnError]) -> list[Row]:
             rows.append(Row(f"EU, {name}: least radius", "m", None, least, "it cannot drive 12.50 m: does not comply"))
         else:
             spare = found.figures.bodies.inside - _INNER_M
-            remark = f"complies, {spare:.3f} m to spare" if found.complies else f"does not comply, {-spare:.3f} m short"
+            remark = f"complies, {room_text(spare, fits=True, digits=3)}" if found.complies else f"does not comply, {-spare:.3f} m short"
             rows.append(Row(f"EU, {name}: inside radius", "m", None, found.figures.bodies.inside, remark))
     return rows
 

@@ -216,20 +216,20 @@ def _reach(value: Any, key: str, count: int, name: str) -> FloatArray:  # noqa: 
 
 def _corners(properties: Json, name: str) -> str | None:
     """Return how the points are to be read; None where the file does not say."""
-    said = properties.get("corners")
-    if said is not None and said not in list(Corners):
-        msg = f"{name}: property corners must be {any_of(list(Corners))}, not {said!r}"
+    value = properties.get("corners")
+    if value is not None and value not in list(Corners):
+        msg = f"{name}: property corners must be {any_of(list(Corners))}, not {value!r}"
         raise RoadError(msg)
-    return said
+    return value
 
 
 def _corner_radius(properties: Json, name: str) -> float:
     """Return the radius of the kerbs inside corners [m]; 0 where the file does not say."""
-    said = properties.get("corner_radius_m", 0.0)
-    if not (is_finite(said) and said >= 0.0):
-        msg = f"{name}: property corner_radius_m must be a number of metres, not {said!r}"
+    value = properties.get("corner_radius_m", 0.0)
+    if not (is_finite(value) and value >= 0.0):
+        msg = f"{name}: property corner_radius_m must be a number of metres, not {value!r}"
         raise RoadError(msg)
-    return float(said)
+    return float(value)
 
 
 def _refuse_lists(properties: Json, name: str) -> None:

@@ -184,7 +184,7 @@ class Unit:
         return METRES[self.given] if self.given is not None else _CODES.get(self.code or 0, ("", 1.0))[1]
 
     @property
-    def said(self) -> str:
+    def words(self) -> str:
         """What the file says of it, to follow the file's name."""
         return f"says {_CODES[self.code][0]} (INSUNITS {self.code})" if self.code in _CODES else "says no unit"
 
@@ -193,9 +193,9 @@ class Unit:
         if self.given is not None or self.code in {None, _IN_METRES} or (system is not None and self.code not in _CODES):
             return ()
         if system is not None:
-            return (f"{name} {self.said}; its coordinates are read as those of {system}",)
+            return (f"{name} {self.words}; its coordinates are read as those of {system}",)
         words = "in these" if self.code in _CODES else "as metres"
-        return (f"{name} {self.said}; its coordinates are read {words}, unless --unit says otherwise",)
+        return (f"{name} {self.words}; its coordinates are read {words}, unless --unit says otherwise",)
 
 
 def refuse_no_street(
@@ -220,7 +220,7 @@ def refuse_no_street(
     if odd is not None:
         for part in parts:
             refuse_outliers(part, lines, name)  # one wrong point is no wrong unit
-        msg = f"{name} {unit.said}, and {'in these' if unit.code in _CODES else 'in metres'} {odd}, as of no street"
+        msg = f"{name} {unit.words}, and {'in these' if unit.code in _CODES else 'in metres'} {odd}, as of no street"
         raise RoadError(msg, hint=f"say its unit: --unit {any_of(list(METRES))}")
 
 

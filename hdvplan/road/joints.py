@@ -21,7 +21,7 @@ LARGEST_BREAK = np.deg2rad(15.0)  # of two lines drawn by hand; of more one of t
 _WRONG_WAY = np.deg2rad(120.0)  # from which on a direction is wrong, not a line
 _BLEND_M = 10.0  # over which a line is moved, or over half of a shorter one
 _SAMPLES_M = 0.25  # of a line that is moved: half its knots' spacing
-_TOLD_M, _TOLD = 1e-3, np.deg2rad(2.0)  # less is rounding of a file's coordinates, or of smoothing
+_NOTED_M, _NOTED = 1e-3, np.deg2rad(2.0)  # less is rounding of a file's coordinates, or of smoothing
 _SETTLED = 1e-9  # [m] and [rad]: no end is moved by less
 
 
@@ -59,9 +59,9 @@ class _Cusp:
         return float(wrapped(self.headings[1] - self.headings[0]))
 
     @property
-    def told(self) -> bool:
+    def noted(self) -> bool:
         """Whether it is more than rounding."""
-        return self.gap > _TOLD_M or abs(self.turn) > _TOLD
+        return self.gap > _NOTED_M or abs(self.turn) > _NOTED
 
     def ends(self) -> tuple[_End, _End]:
         """Return how both ends are moved to meet half-way."""
@@ -87,8 +87,8 @@ def joined(legs: tuple[Leg, ...], gap: float = SAME_M) -> tuple[tuple[Leg, ...],
         road = leg.road if low.settled and high.settled else _moved(leg.road, low, high)
         moved.append(replace(leg, road=road))
         offs.append(_off(leg.road.path, road.path))
-    told = (_note(cusp, number, max(offs[number - 1 : number + 1])) for number, cusp in enumerate(cusps, start=1) if cusp.told)
-    return tuple(moved), tuple(told)
+    notes = (_note(cusp, number, max(offs[number - 1 : number + 1])) for number, cusp in enumerate(cusps, start=1) if cusp.noted)
+    return tuple(moved), tuple(notes)
 
 
 def _refuse(cusp: _Cusp, number: int, gap: float) -> None:
@@ -105,7 +105,7 @@ def _refuse(cusp: _Cusp, number: int, gap: float) -> None:
 
 
 def _note(cusp: _Cusp, number: int, off: float) -> str:
-    apart = f"{100.0 * cusp.gap:.1f} cm apart and " if cusp.gap > _TOLD_M else ""
+    apart = f"{100.0 * cusp.gap:.1f} cm apart and " if cusp.gap > _NOTED_M else ""
     return (
         f"the lines of legs {number} and {number + 1} meet {apart}at {abs(np.degrees(cusp.turn)):.1f} degrees: "
         f"they are moved by up to {off:.2f} m"

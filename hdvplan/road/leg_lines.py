@@ -62,14 +62,14 @@ def legs_among(features: Sequence[Feature], name: str) -> list[tuple[int, bool]]
 
 
 def _mark_of(feature: Feature, name: str) -> _Mark | None:
-    said = feature.properties.get("leg")
-    if said is None:
+    value = feature.properties.get("leg")
+    if value is None:
         named = (_NAMED.fullmatch(folded(label)) for label in (*feature.labels, feature.layer))
         found = next((one for one in named if one is not None), None)
         return None if found is None else _Mark(int(found[1]), found[2] == BACKWARD)
-    text = f"{said:g}" if is_finite(said) else str(said)
+    text = f"{value:g}" if is_finite(value) else str(value)
     if not re.fullmatch(r"\d{1,6}", text):
-        msg = f"{name}: property leg must be a whole number from 1, not {said!r}"
+        msg = f"{name}: property leg must be a whole number from 1, not {value!r}"
         raise RoadError(msg, hint=_WRITE)
     direction = feature.properties.get(_COLUMN)
     if direction not in {FORWARD, BACKWARD}:

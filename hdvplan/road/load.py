@@ -17,8 +17,7 @@ from hdvplan.road.load_vector import read_vector
 from hdvplan.road.options import OF_FILES, OF_POINTS, RoadOptions
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import NOTICE, SCENARIOS, shipped, shipped_roads
-from hdvplan.spelling import did_you_mean
-from hdvplan.texts import printable
+from hdvplan.texts import did_you_mean, printable
 
 _USUAL = RoadOptions()
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text

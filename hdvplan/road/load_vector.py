@@ -122,8 +122,8 @@ class _Source:
 
     def info(self, layer: str) -> dict[str, Any]:
         """Return what GDAL says about a layer."""
-        said: dict[str, Any] = self.pyogrio.read_info(self.path, layer=layer, force_feature_count=True, encoding=self.encoding)
-        return said
+        info: dict[str, Any] = self.pyogrio.read_info(self.path, layer=layer, force_feature_count=True, encoding=self.encoding)
+        return info
 
     def read(self, layer: str) -> tuple[list[str], Any, Any, list[Any]]:
         """Return the names of a layer's columns, the features' numbers, their shapes and the columns."""
@@ -255,10 +255,10 @@ def _drawn_in(path: Path) -> int:
     if "EOF" not in tail:
         msg = f"{path.name} is cut off: it lacks the end that drawings have"
         raise RoadError(msg, hint="fetch the file again")
-    said = _INSUNITS.search(head)
-    if said is None:
+    units = _INSUNITS.search(head)
+    if units is None:
         return 0
-    code = int(said[1] or int.from_bytes(said[2].encode("latin-1"), "little"))
+    code = int(units[1] or int.from_bytes(units[2].encode("latin-1"), "little"))
     return 0 if code == _INCHES and "$MENU" in head and "$TDCREATE" not in head else code
 
 

@@ -33,7 +33,7 @@ class _Plan(ctypes.Structure):
     _fields_ = (("qp_solver", c_int),)
 
 
-class _Told(ctypes.Structure):
+class _QpInfo(ctypes.Structure):
     """``qp_info``: times [s] that nobody reads here, iterations, and whether slacks of inequalities were computed."""
 
     _fields_ = (*((name, c_double) for name in ("solve", "condensing", "interface", "total")), ("iterations", c_int), ("slacks", c_int))
@@ -88,9 +88,9 @@ class AcadosWorkspace(HpipmWorkspace):
         status = self._acados.ocp_qp_solve(memory.workspace, memory.qp, memory.solution)
         self._library.d_ocp_qp_sol_get_all(memory.solution, *self._into)
         self._publish()
-        told = c_void_p()
-        self._acados.ocp_qp_out_get(memory.solution, b"qp_info", byref(told))
-        iterations = int(_Told.from_address(told.value).iterations) if told.value else 0
+        info = c_void_p()
+        self._acados.ocp_qp_out_get(memory.solution, b"qp_info", byref(info))
+        iterations = int(_QpInfo.from_address(info.value).iterations) if info.value else 0
         return _STATUS[status] if 0 <= status < len(_STATUS) else Status.FAILED, iterations
 
 

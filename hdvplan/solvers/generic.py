@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 import scipy.sparse as sp
 
-from hdvplan.plugins import said
+from hdvplan.plugins import error_text
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status
 from hdvplan.solvers.sparse import SparseQp
@@ -63,7 +63,7 @@ class GenericWorkspace:
                     doubled.enter_context(_in_double())
                 solution = qpsolvers.solve_problem(problem, self._solver, **self._options)  # type: ignore[arg-type] # options differ by solver
         except Exception as error:  # noqa: BLE001 - a dozen solvers leak exceptions of their own; one bad solve must not end a benchmark
-            return self._failed(updated - started, perf_counter() - updated, said(error))
+            return self._failed(updated - started, perf_counter() - updated, error_text(error))
         if solution.x is None:
             return self._failed(updated - started, perf_counter() - updated, "it returns no point")
         parts = ((solution.x, form.q), (solution.y, form.b), (solution.z, problem.h), (solution.z_box, form.q))

@@ -18,7 +18,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import HdvplanError, QpDataError, SolverError
-from hdvplan.plugins import said
+from hdvplan.plugins import error_text
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker, residuals
 
@@ -81,9 +81,9 @@ class ForeignWorkspace:
         except HdvplanError:
             raise
         except AttributeError as error:
-            _refuse(f"solver {name!r} is no QpWorkspace: {said(error)}", error)
+            _refuse(f"solver {name!r} is no QpWorkspace: {error_text(error)}", error)
         except Exception as error:  # noqa: BLE001 - an author's constructor may raise anything
-            _refuse(f"solver {name!r} cannot be made: {said(error)}", error)
+            _refuse(f"solver {name!r} cannot be made: {error_text(error)}", error)
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``.
@@ -104,7 +104,7 @@ class ForeignWorkspace:
         except (HdvplanError, KeyboardInterrupt):
             raise
         except BaseException as error:  # compiled solvers panic with what is no Exception, others leave by sys.exit
-            msg = f"solver {self.name!r} raises {said(error)}"
+            msg = f"solver {self.name!r} raises {error_text(error)}"
             raise SolverError(msg, status="raised") from error
         took, answered = perf_counter() - asked, perf_counter()
         if not (_same(self._lent.buffer, qp.buffer) and (guess is None or all(map(_same, self._known.numbers, guess.numbers)))):
@@ -122,7 +122,7 @@ class ForeignWorkspace:
         try:
             status, iterations, solving = Status(result.status), int(result.iterations), min(max(float(result.solve_time), 0.0), took)
         except (TypeError, ValueError, OverflowError) as error:
-            msg = f"solver {self.name!r} returns a status, a time or iterations that are none: {said(error)}"
+            msg = f"solver {self.name!r} returns a status, a time or iterations that are none: {error_text(error)}"
             raise SolverError(msg, status="raised") from error
         return QpResult(
             status, self._point, iterations, took - solving, solving, time_aside=asked - began + perf_counter() - answered,

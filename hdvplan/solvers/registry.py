@@ -15,7 +15,7 @@ from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker, backed
 from hdvplan.solvers.catalogue import GENERIC, NATIVE, THROUGH, Generic, Native
 from hdvplan.solvers.guards import ForeignWorkspace, hard_first
-from hdvplan.spelling import did_you_mean
+from hdvplan.texts import did_you_mean
 
 SolverClass = Callable[..., QpWorkspace]  # called with a shape, and with ``elastic`` and ``tolerance`` where it has them
 DEFAULT = "riccati"
@@ -156,15 +156,15 @@ def home_of(name: str) -> str | None:
 def settings_of(name: str) -> str:
     """Return version and settings of the solver called ``name`` for the foot of a table: what a reader needs to run it alike."""
     row, used = _row(name), tolerance_of(name)
-    said = [f"{name} {version_of(name) or ''}".rstrip()]
+    parts = [f"{name} {version_of(name) or ''}".rstrip()]
     if isinstance(row, Generic):
-        said += [] if used is None else [f"{option} {used:g}" for option in row.accuracy]
-        said += [f"{option} {value:g}" for option, value in row.options.items()] or ([] if used is not None else ["defaults"])
-        said += [what.replace("_", " ") if value is True else f"{what} {value:g}" for what, value in row.fitting.items()]
+        parts += [] if used is None else [f"{option} {used:g}" for option in row.accuracy]
+        parts += [f"{option} {value:g}" for option, value in row.options.items()] or ([] if used is not None else ["defaults"])
+        parts += [what.replace("_", " ") if value is True else f"{what} {value:g}" for what, value in row.fitting.items()]
     else:
-        said += [] if used is None else [f"tolerance {used:g}"]
-        said += [str(settings)] if (settings := getattr(_class(name), "settings", "")) else []
-    return ", ".join(said)
+        parts += [] if used is None else [f"tolerance {used:g}"]
+        parts += [str(settings)] if (settings := getattr(_class(name), "settings", "")) else []
+    return ", ".join(parts)
 
 
 def _ours() -> set[str]:

@@ -14,7 +14,7 @@ from hdvplan.case import content_digest
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.options import RoadOptions
 from hdvplan.study.inputs import RoadSource, Variant
-from hdvplan.study.spec import Manner, Study, Width
+from hdvplan.study.spec import Setup, Study, Width
 
 Row = dict[str, object]  # of a table, by its columns
 Smoothed = tuple[RoadSource, RoadOptions]  # what tells one smoothed road from another
@@ -34,7 +34,7 @@ class Cell:
     width: Width | None
     objective: str
     solver: str
-    manner: Manner
+    setup: Setup
     reading: RoadOptions
     prove: bool
     refine: bool
@@ -47,7 +47,7 @@ class Cell:
 
     def coordinates(self) -> Row:
         """Return what tells the cell from the others of its study, by columns."""
-        width, manner = self.width, self.manner
+        width, setup = self.width, self.setup
         return {
             "key": self.key,
             "road": self.road.label,
@@ -57,19 +57,19 @@ class Cell:
             "left_m": None if width is None else width.left,
             "right_m": None if width is None else width.right,
             "objective": self.objective,
-            "scheme": str(manner.settings.scheme),
+            "scheme": str(setup.settings.scheme),
             "solver": self.solver,
-            "offset_m": manner.offset,
-            "reverse": manner.reverse,
-            "bias": manner.bias,
-            "pass": None if manner.side is None else str(manner.side),
-            **{f"settings_{name}": _plain(getattr(manner.settings, name)) for name in SETTINGS},
+            "offset_m": setup.offset,
+            "reverse": setup.reverse,
+            "bias": setup.bias,
+            "pass": None if setup.side is None else str(setup.side),
+            **{f"settings_{name}": _plain(getattr(setup.settings, name)) for name in SETTINGS},
         }
 
 
 def cells_of(study: Study) -> Iterator[Cell]:
     """Yield the cells of a study, those of one road and vehicle behind each other."""
-    for road, variant, width, objective, solver, manner in product(*study.parts):
+    for road, variant, width, objective, solver, setup in product(*study.parts):
         reading = replace(
             study.reading.followed_by(variant.vehicle.max_curvature),
             feature=road.feature,
@@ -78,10 +78,10 @@ def cells_of(study: Study) -> Iterator[Cell]:
             road_ids=road.road_ids,
             lane=road.lane,
             unit=road.unit or study.reading.unit,
-            offset=manner.offset,
-            reverse=manner.reverse,
+            offset=setup.offset,
+            reverse=setup.reverse,
         )
-        cell = Cell("", road, variant, width, objective, solver, manner, reading, study.prove, study.refine, study.need)
+        cell = Cell("", road, variant, width, objective, solver, setup, reading, study.prove, study.refine, study.need)
         yield replace(cell, key=_key(cell, study.code[solver, objective]))
 
 
@@ -91,12 +91,12 @@ def _key(cell: Cell, code: str) -> str:
     The same in every process, and on every machine with the same software.
     """
     width = None if cell.width is None else [cell.width.left, cell.width.right]
-    parts = [_digest(part) for part in (cell.road, cell.variant, cell.manner, cell.reading)]
+    parts = [_digest(part) for part in (cell.road, cell.variant, cell.setup, cell.reading)]
     return content_digest([*parts, width, cell.prove, cell.refine, cell.need, code])
 
 
 @lru_cache(maxsize=4096)
-def _digest(part: RoadSource | Variant | Manner | RoadOptions) -> str:
+def _digest(part: RoadSource | Variant | Setup | RoadOptions) -> str:
     content = asdict(part)
     content.pop("source", None)  # where a file lies says nothing of what is in it
     if content.get("bias_digest") is not None:
@@ -141,6 +141,7 @@ ENDING = _columns(TEXT, "outcome reason case")
 SUMMARY = (
     Column("verdict", TEXT, "verdict.text"),
     Column("verdict_details", TEXT, "verdict.details"),
+    *_columns(TEXT, "word", within="verdict."),
     *_columns(TRUTH, "fits", within="verdict."),
     *_columns(NUMBER, "spare_m s_m x y lon lat", within="verdict."),
     *_columns(TEXT, "side unit part region obstacle", within="verdict."),
@@ -215,11 +216,11 @@ def _coordinates(varied: tuple[str, ...]) -> tuple[Column, ...]:
     return (*COORDINATES[:behind], *(Column(name, NUMBER) for name in varied), *COORDINATES[behind:])
 
 
-def taken(told: Mapping[str, object], columns: tuple[Column, ...]) -> Row:
-    """Return the values of columns in what was told; a list counts as its length, or is several lines of text."""
+def taken(summary: Mapping[str, object], columns: tuple[Column, ...]) -> Row:
+    """Return the values of columns of a summary; a list counts as its length, or is several lines of text."""
     row: Row = {}
     for column in columns:
-        value: object = told
+        value: object = summary
         for name in column.path.split("."):
             value = value.get(name) if isinstance(value, Mapping) else None
         if isinstance(value, list):

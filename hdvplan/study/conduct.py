@@ -15,7 +15,7 @@ from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, machine_facts, software
 from hdvplan.record import command, now
 from hdvplan.study.cells import Cell, cells_of
-from hdvplan.study.engine import PLANNED, UNANSWERED, Engine, answer_of
+from hdvplan.study.engine import PLANNED, UNANSWERED, Engine
 from hdvplan.study.pools import LocalEngine
 from hdvplan.study.spec import Study, read_study, study_of
 from hdvplan.study.store import CELLS, PARTS, PLACES, DamagedPartError, Folder, Kept, Writer, kept_in, set_aside, write_whole
@@ -35,7 +35,7 @@ class Results:
 
     folder: Path
     outcomes: Mapping[str, int]  # cells by how they ended: planned, no plan, refused, failed, hung, killed
-    fits: Mapping[str, int]  # planned cells by their verdict: YES, NO, NEEDS
+    fits: Mapping[str, int]  # planned cells by the words of their verdicts
 
     @property
     def unanswered(self) -> int:
@@ -167,8 +167,9 @@ def _sessions(folder: Path) -> list[Json]:
 def _begun(study: Study, folder: Path, engine: Engine) -> Json:
     """Write and return the record of a study whose session begins: what was asked, and all sessions with machine and software."""
     described = asdict(study)
-    for manner in described["manners"]:
-        manner["settings"] = {name: str(value) if isinstance(value, str) else value for name, value in manner["settings"].items()}
+    described["manners"] = described.pop("setups")  # as the file has always called them
+    for setup in described["manners"]:
+        setup["settings"] = {name: str(value) if isinstance(value, str) else value for name, value in setup["settings"].items()}
     session = {
         "started": now(),
         "command": command(),
@@ -193,8 +194,8 @@ def _finished(folder: Folder, record: Json) -> Results:
     write_atomically(folder.path / RANKING, csv_bytes(ranking))
     write_workbook(folder.path / WORKBOOK, folder.path / CELLS, folder.varied)
     write_page(folder.path / PAGE, folder.path / CELLS, ranking, record["sessions"][0]["started"])
-    told = {"outcomes": dict(results.outcomes), "fits": dict(results.fits), "finished": now()}
-    write_atomically(folder.path / RECORD, json_bytes(record | told))
+    ended = {"outcomes": dict(results.outcomes), "fits": dict(results.fits), "finished": now()}
+    write_atomically(folder.path / RECORD, json_bytes(record | ended))
     return results
 
 
@@ -203,11 +204,11 @@ def _counts(cells: Path) -> tuple[Counter[str], Counter[str]]:
     import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
 
     outcomes, fits = Counter[str](), Counter[str]()
-    for batch in pq.ParquetFile(cells).iter_batches(columns=["outcome", "fits"]):
-        for outcome, fitting in zip(batch["outcome"].to_pylist(), batch["fits"].to_pylist(), strict=True):
+    for batch in pq.ParquetFile(cells).iter_batches(columns=["outcome", "word"]):
+        for outcome, word in zip(batch["outcome"].to_pylist(), batch["word"].to_pylist(), strict=True):
             outcomes[outcome] += 1
             if outcome == PLANNED:
-                fits[str(answer_of(outcome, fits=fitting))] += 1
+                fits[str(word)] += 1
     return outcomes, fits
 
 

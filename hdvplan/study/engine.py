@@ -39,15 +39,6 @@ class Outcome:
         return str(self.row["outcome"])
 
 
-def answer_of(outcome: str, *, fits: bool | None) -> str | None:
-    """Return what a cell that ended so says: YES, NO or NEEDS; None where it says nothing."""
-    if outcome == NO_PLAN:
-        return "NO"
-    if outcome != PLANNED:
-        return None
-    return "NEEDS" if fits is None else "YES" if fits else "NO"
-
-
 def ended(ending: str, reason: str) -> Outcome:
     """Return the outcome of a cell that has nothing but a reason to tell."""
     return Outcome({"outcome": ending, "reason": reason})

@@ -19,8 +19,7 @@ from hdvplan.errors import OptionError, RoadError, VehicleError
 from hdvplan.plugins import digest_of
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.scenarios import SCENARIOS, shipped
-from hdvplan.spelling import did_you_mean
-from hdvplan.texts import printable
+from hdvplan.texts import did_you_mean, printable
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 

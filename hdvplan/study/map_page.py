@@ -14,9 +14,9 @@ import pyarrow.parquet as pq
 import shapely
 from jinja2 import Environment
 
+from hdvplan.answers import NO, WORDS, YES
 from hdvplan.fileio import write_atomically
 from hdvplan.report.html import page_part, script_json
-from hdvplan.study.engine import answer_of
 from hdvplan.texts import encoded
 from hdvplan.version import __version__
 
@@ -29,8 +29,8 @@ _SHOWN = (
     "rank", "worst_rank", "widening_m", "widening_m2", "vehicles", "roads", "half_width_m", "left_m", "right_m", "road", "s_m", "lon",
     "lat", "vehicle", "side", "unit", "part", "obstacle", "which_vehicles", "which_roads",
 )  # fmt: skip
-_WORDS = ("YES", "NO", "NEEDS", "no answer")  # the best first
-_READ = ("road", "vehicle", "half_width_m", "left_m", "right_m", "outcome", "fits", "notice", "geometry")
+_WORDS = (*WORDS, "no answer")  # the best first
+_READ = ("road", "vehicle", "half_width_m", "left_m", "right_m", "word", "notice", "geometry")
 _AT_ONCE = 4096  # rows in memory
 
 Json = dict[str, Any]
@@ -43,14 +43,14 @@ def write_page(path: Path, cells: Path, ranking: pd.DataFrame, date: str) -> Non
         OSError: the file cannot be written.
 
     """
-    told = _told(cells)
-    placed = list(told.lines)
+    gathered = _gathered(cells)
+    placed = list(gathered.lines)
     data = {
-        "vehicles": list(told.vehicles),
-        "widths": list(told.widths),
+        "vehicles": list(gathered.vehicles),
+        "widths": list(gathered.widths),
         "words": _WORDS,
-        "roads": [{"name": name, "line": told.lines[name]} for name in placed],
-        "courses": _courses(told, {told.roads[name]: number for number, name in enumerate(placed)}),
+        "roads": [{"name": name, "line": gathered.lines[name]} for name in placed],
+        "courses": _courses(gathered, {gathered.roads[name]: number for number, name in enumerate(placed)}),
         "places": [_place(row) for row in ranking.head(MOST_PLACES)[list(_SHOWN)].to_dict("records")],
     }
     page = (
@@ -62,25 +62,25 @@ def write_page(path: Path, cells: Path, ranking: pd.DataFrame, date: str) -> Non
             script=_part("study.js"),
             data=script_json(data),
             date=date[:10],
-            cells=told.cells,
-            roads=len(told.roads),
-            vehicles=list(told.vehicles)[:MOST_CHOICES],
-            widths=list(told.widths)[:MOST_CHOICES],
-            count=len(told.vehicles),
-            matrix=_matrix(told),
-            nowhere=len(told.roads) - len(told.placed),
-            roads_left=len(told.placed) - len(placed),
+            cells=gathered.cells,
+            roads=len(gathered.roads),
+            vehicles=list(gathered.vehicles)[:MOST_CHOICES],
+            widths=list(gathered.widths)[:MOST_CHOICES],
+            count=len(gathered.vehicles),
+            matrix=_matrix(gathered),
+            nowhere=len(gathered.roads) - len(gathered.placed),
+            roads_left=len(gathered.placed) - len(placed),
             places_left=max(0, len(ranking) - MOST_PLACES),
             found=len(ranking),
-            notices=sorted(told.notices),
-            unanswered=told.unanswered,
+            notices=sorted(gathered.notices),
+            unanswered=gathered.unanswered,
         )
     )
     write_atomically(path, encoded(page))
 
 
 @dataclass
-class _Told:
+class _Gathered:
     """What the page needs of a study's cells, gathered row by row: names in their order, and the best word of every course."""
 
     roads: dict[str, int] = field(default_factory=dict)
@@ -109,14 +109,12 @@ class _Told:
                 self.lines[road] = np.round(shapely.get_coordinates(shapely.from_wkb(line)), _DIGITS).tolist()
 
 
-def _told(cells: Path) -> _Told:
-    told = _Told()
+def _gathered(cells: Path) -> _Gathered:
+    gathered = _Gathered()
     for batch in pq.ParquetFile(cells).iter_batches(columns=list(_READ), batch_size=_AT_ONCE):
-        for road, vehicle, half_width, left, right, outcome, fits, notice, line in zip(
-            *(batch[name].to_pylist() for name in _READ), strict=True
-        ):
-            told.add(road, vehicle, width_text(half_width, left, right), answer_of(outcome, fits=fits) or _WORDS[-1], notice, line)
-    return told
+        for road, vehicle, half_width, left, right, word, notice, line in zip(*(batch[name].to_pylist() for name in _READ), strict=True):
+            gathered.add(road, vehicle, width_text(half_width, left, right), word or _WORDS[-1], notice, line)
+    return gathered
 
 
 def width_text(half_width: float | None, left: float | None, right: float | None) -> str:
@@ -126,26 +124,26 @@ def width_text(half_width: float | None, left: float | None, right: float | None
     return "the road's own" if left is None else f"left {left:g} m, right {right:g} m"
 
 
-def _matrix(told: _Told) -> list[Json]:
+def _matrix(gathered: _Gathered) -> list[Json]:
     """Return for every vehicle and width how many of the roads it fits, by the best plan."""
     counts: dict[tuple[int, int], list[int]] = {}
-    for (_, vehicle, width), word in told.best.items():
-        if word <= _WORDS.index("NO"):
+    for (_, vehicle, width), word in gathered.best.items():
+        if word <= _WORDS.index(NO):
             fits = counts.setdefault((vehicle, width), [0, 0])
-            fits[0] += word == _WORDS.index("YES")
+            fits[0] += word == _WORDS.index(YES)
             fits[1] += 1
     rows = []
-    for name, vehicle in list(told.vehicles.items())[:MOST_CHOICES]:
-        found = [counts.get((vehicle, width)) for width in range(len(told.widths))[:MOST_CHOICES]]
+    for name, vehicle in list(gathered.vehicles.items())[:MOST_CHOICES]:
+        found = [counts.get((vehicle, width)) for width in range(len(gathered.widths))[:MOST_CHOICES]]
         rows.append({"vehicle": name, "cells": ["-" if of is None else f"{of[0]} of {of[1]}" for of in found]})
     return rows
 
 
-def _courses(told: _Told, places: dict[int, int]) -> list[list[int]]:
+def _courses(gathered: _Gathered, places: dict[int, int]) -> list[list[int]]:
     """Return [road, vehicle, width, word], the road by its number among those that are shown."""
-    if len(told.best) > MOST_COURSES:
+    if len(gathered.best) > MOST_COURSES:
         return []
-    return [[places[road], vehicle, width, word] for (road, vehicle, width), word in told.best.items() if road in places]
+    return [[places[road], vehicle, width, word] for (road, vehicle, width), word in gathered.best.items() if road in places]
 
 
 def _place(row: Mapping[Any, Any]) -> Json:

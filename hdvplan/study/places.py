@@ -51,10 +51,10 @@ def widening_places(need: Need) -> list[Row]:
     return [_stretch(WIDENING, road, (middle.x, middle.y), patch_json(patch)) for patch, middle in middles]
 
 
-def _stretch(kind: str, road: Road, at: tuple[float, float], told: Mapping[str, object]) -> Row:
+def _stretch(kind: str, road: Road, at: tuple[float, float], stretch: Mapping[str, object]) -> Row:
     """Return a place with what is told of its stretch of road, the deepest point being its s."""
-    rest = {name: value for name, value in told.items() if name not in {"s_from", "s_to", "s_deepest"}}
-    return _place(kind, road, told["s_deepest"], at) | {"s_from_m": told["s_from"], "s_to_m": told["s_to"]} | rest
+    rest = {name: value for name, value in stretch.items() if name not in {"s_from", "s_to", "s_deepest"}}
+    return _place(kind, road, stretch["s_deepest"], at) | {"s_from_m": stretch["s_from"], "s_to_m": stretch["s_to"]} | rest
 
 
 def _place(kind: str, road: Road, s: object, at: tuple[float, float]) -> Row:

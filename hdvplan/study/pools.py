@@ -19,7 +19,7 @@ import pebble
 
 from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.machine import software, usable_cores, use_one_thread
-from hdvplan.plugins import said
+from hdvplan.plugins import error_text
 from hdvplan.serving import serve_parent
 from hdvplan.study.cells import Cell
 from hdvplan.study.engine import FAILED, HUNG, KILLED, Ending, Outcome, ended, run_in
@@ -158,7 +158,7 @@ class _DaskPool:
         try:
             return max(1, _AHEAD * len(self._client.nthreads()))
         except Exception as error:  # Dask and Tornado raise many kinds
-            msg = f"the Dask scheduler does not answer any more: {said(error)}"
+            msg = f"the Dask scheduler does not answer any more: {error_text(error)}"
             raise HdvplanError(msg, hint="start it, then the same command again: it continues with the cells that are missing") from error
 
     def submit(self, cell: Cell) -> Future[Outcome]:

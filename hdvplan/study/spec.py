@@ -60,7 +60,7 @@ class Width:
 
 
 @dataclass(frozen=True)
-class Manner:
+class Setup:
     """How a road is driven: the planner's settings, and where beside the line; ``offset`` [m] left positive."""
 
     settings: PlannerSettings
@@ -71,7 +71,7 @@ class Manner:
     side: Side | None = None  # on which obstacles on the line are passed; None: the better one
 
 
-_Parts = tuple[tuple[RoadSource, ...], tuple[Variant, ...], tuple[Width | None, ...], tuple[str, ...], tuple[str, ...], tuple[Manner, ...]]
+_Parts = tuple[tuple[RoadSource, ...], tuple[Variant, ...], tuple[Width | None, ...], tuple[str, ...], tuple[str, ...], tuple[Setup, ...]]
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Study:
     widths: tuple[Width | None, ...] = (None,)
     objectives: tuple[str, ...] = ("geometric",)
     solvers: tuple[str, ...] = (DEFAULT,)
-    manners: tuple[Manner, ...] = (Manner(PlannerSettings()),)
+    setups: tuple[Setup, ...] = (Setup(PlannerSettings()),)
     reading: RoadOptions = field(default_factory=RoadOptions)
     prove: bool = False
     refine: bool = True
@@ -96,8 +96,8 @@ class Study:
 
     @property
     def parts(self) -> _Parts:
-        """What is combined, the outermost first: roads, vehicles, widths, objectives, solvers and manners."""
-        return self.roads, self.vehicles, self.widths, self.objectives, self.solvers, self.manners
+        """What is combined, the outermost first: roads, vehicles, widths, objectives, solvers and setups."""
+        return self.roads, self.vehicles, self.widths, self.objectives, self.solvers, self.setups
 
     @cached_property
     def code(self) -> Mapping[tuple[str, str], str]:
@@ -157,7 +157,7 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         widths=_widths(table),
         objectives=objectives,
         solvers=solvers,
-        manners=_manners(table.schemes, {name: values for name, values in settings.items() if name in _VARIED}, folder),
+        setups=_setups(table.schemes, {name: values for name, values in settings.items() if name in _VARIED}, folder),
         prove=settings.get("proof", False),
         refine=settings.get("refine", True),
         need=table.need,
@@ -208,7 +208,7 @@ def _widths(table: _StudyTable) -> tuple[Width | None, ...]:
     return tuple(Width(*pair) for pair in pairs)
 
 
-def _manners(schemes: Sequence[Scheme], lists: dict[str, Any], folder: Path) -> tuple[Manner, ...]:
+def _setups(schemes: Sequence[Scheme], lists: dict[str, Any], folder: Path) -> tuple[Setup, ...]:
     """Return every combination of the settings."""
     refuse_many(len(schemes) * prod(map(len, lists.values())), "combinations of settings")
     if "bias" in lists:
@@ -219,7 +219,7 @@ def _manners(schemes: Sequence[Scheme], lists: dict[str, Any], folder: Path) -> 
         planner = PlannerSettings(scheme=scheme, **{name: chosen[name] for name in _PLANNER if name in chosen})
         bias, bias_digest = chosen.get("bias", (None, None))
         offset = chosen.get("offset", 0.0)
-        found.append(Manner(planner, offset, chosen.get("reverse", False), bias, bias_digest, chosen.get("pass")))
+        found.append(Setup(planner, offset, chosen.get("reverse", False), bias, bias_digest, chosen.get("pass")))
     return tuple(found)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from hdvplan import api
+from hdvplan.answers import NO
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case, content_digest
 from hdvplan.errors import HdvplanError, OptionError, PlanError, QpDataError, RoadError, SolverError
@@ -26,7 +27,7 @@ from hdvplan.need.answer import need_of
 from hdvplan.pieces import Piece, pieces_of, planned
 from hdvplan.planning.bias import CENTRE
 from hdvplan.plugins import digest_of as file_digest
-from hdvplan.plugins import said
+from hdvplan.plugins import error_text
 from hdvplan.report.joined import digest_of, joined_summary, kept_of
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
@@ -65,16 +66,16 @@ def work(cell: Cell) -> Outcome:
     except HdvplanError as error:
         row |= {"outcome": REFUSED, "reason": str(error)}
     except Exception as error:  # noqa: BLE001 - a bug, or memory that does not suffice: the other cells go on
-        row |= {"outcome": FAILED, "reason": said(error)}
+        row |= {"outcome": FAILED, "reason": error_text(error)}
     spent: Row = {"parallel_cpu_s": process_time() - cpu, "parallel_wall_s": perf_counter() - wall}
     return Outcome(row | spent, tuple(places))
 
 
 def _answer(cell: Cell, row: Row, places: list[Row]) -> str:
     """Fill the row and the places of a cell; return how it ended."""
-    manner = cell.manner
-    if manner.bias is not None and manner.bias_digest is not None:
-        _check_unchanged(manner.bias, manner.bias_digest, lambda name: file_digest(Path(name)))
+    setup = cell.setup
+    if setup.bias is not None and setup.bias_digest is not None:
+        _check_unchanged(setup.bias, setup.bias_digest, lambda name: file_digest(Path(name)))
     loaded = _loaded(cell.road, cell.reading)
     road = loaded.road
     row |= {"geometry": loaded.shape, "length_m": loaded.length, "notice": loaded.notice}
@@ -105,10 +106,10 @@ def _case(cell: Cell, road: Road) -> Case:
     """Return the case of a cell on a road, or on a part of it."""
     if cell.width is not None:
         road = road.with_limits(cell.width.left, cell.width.right)
-    if cell.manner.side is not None:
-        road = road.passed_on(cell.manner.side)
-    case = Case(road, cell.variant.vehicle, cell.objective, cell.solver, cell.manner.settings)
-    return case if cell.manner.bias is None else api.biased(case, cell.manner.bias)
+    if cell.setup.side is not None:
+        road = road.passed_on(cell.setup.side)
+    case = Case(road, cell.variant.vehicle, cell.objective, cell.solver, cell.setup.settings)
+    return case if cell.setup.bias is None else api.biased(case, cell.setup.bias)
 
 
 def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool) -> str:
@@ -120,22 +121,22 @@ def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool)
         result = api.prove(result)
     if refine:
         result = replanned(result)
-    told = summary_of(result, forecast=False)  # no column of a study has it
+    summary = summary_of(result, forecast=False)  # no column of a study has it
     row["case"] = result.case.key  # of the stations that it was planned with
-    row |= taken(told, SUMMARY) | taken(told, STEPS)
-    places += places_of(told, result.drive.road)
+    row |= taken(summary, SUMMARY) | taken(summary, STEPS)
+    places += places_of(summary, result.drive.road)
     return PLANNED
 
 
 def _plan_pieces(cell: Cell, found: Found, row: Row, places: list[Row]) -> str:
     """Plan a long road as ``hdvplan plan`` does, piece by piece: memory does not grow with it. There are no proofs and finer plans."""
-    if cell.manner.bias == CENTRE:
+    if cell.setup.bias == CENTRE:
         msg = f"the bias {CENTRE} is not for roads of more than {LONG_M / 1e3:.0f} km"
         raise OptionError(msg)
     taken_: list[Piece] = []
 
     def noted() -> Iterator[Piece]:
-        for piece in pieces_of(found, cell.variant.vehicle, cell.manner.settings):
+        for piece in pieces_of(found, cell.variant.vehicle, cell.setup.settings):
             taken_[:] = [piece]
             yield piece
 
@@ -143,9 +144,9 @@ def _plan_pieces(cell: Cell, found: Found, row: Row, places: list[Row]) -> str:
         kept = [kept_of(one) for one in planned(noted(), partial(_case, cell))]
     except _UNPLANNED as error:
         return _no_plan(error, taken_[0].road, taken_[0].begins, row, places)
-    told = joined_summary(kept)
-    row |= taken(told, SUMMARY) | taken(told, STEPS) | {"case": digest_of(kept)}
-    places += places_of(told, taken_[0].road)
+    summary = joined_summary(kept)
+    row |= taken(summary, SUMMARY) | taken(summary, STEPS) | {"case": digest_of(kept)}
+    places += places_of(summary, taken_[0].road)
     return PLANNED
 
 
@@ -153,7 +154,7 @@ def _no_plan(error: HdvplanError, road: Road, begins: float, row: Row, places: l
     """Say from where on no plan goes on; ``road`` begins at arclength ``begins`` of the cell's road [m]."""
     if isinstance(error, SolverError) and error.status is None:  # it is missing, or unknown
         raise error
-    row |= {"fits": False, "reason": str(error)}
+    row |= {"fits": False, "word": NO, "reason": str(error)}
     s = getattr(error, "s_m", None)
     if s is not None:
         places.append(dead_end(road, float(s), begins))

@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 import pyogrio
 from numpy.typing import NDArray
 
+from hdvplan.answers import NEEDS, YES, needs_text, room_text
 from hdvplan.fileio import write_atomically
-from hdvplan.study.engine import answer_of
 from hdvplan.texts import no_formula, printable
 
 MOST_CELLS = 10_000  # a workbook is written from memory as a whole
@@ -38,12 +38,10 @@ def write_workbook(path: Path, cells: Path, varied: tuple[str, ...]) -> None:
     if not 0 < file.metadata.num_rows <= MOST_CELLS:
         path.unlink(missing_ok=True)
         return
-    wanted = ["road", "vehicle", *varied, *_WIDTHS, "fits", "spare_m", "verdict_half_width_m", *_PLACE, *_OPTIONS]
+    wanted = ["road", "vehicle", *varied, *_WIDTHS, "word", "spare_m", "verdict_half_width_m", *_PLACE, *_OPTIONS]
     table = file.read([*wanted, "outcome", "reason", "verdict"]).to_pandas()
-    table.insert(
-        2, "answer", [answer_of(outcome, fits=fits) or outcome for outcome, fits in zip(table["outcome"], table["fits"], strict=True)]
-    )
-    listed = table.drop(columns=["fits", "outcome"]).dropna(axis="columns", how="all")
+    table.insert(2, "answer", table.pop("word").fillna(table["outcome"]))
+    listed = table.drop(columns=["outcome"]).dropna(axis="columns", how="all")
     with TemporaryDirectory() as folder:
         aside = Path(folder) / "table.xlsx"
         _add(aside, "roads by vehicles", _matrix(table))
@@ -59,17 +57,15 @@ def _matrix(table: pd.DataFrame) -> pd.DataFrame:
     rows: dict[tuple[object, ...], dict[str, object]] = {}
     for record in best.sort_index().to_dict("records"):
         at = tuple(None if pd.isna(record[name]) else record[name] for name in keys)  # NaN would be a row of its own each time
-        rows.setdefault(at, {name: record[name] for name in keys})[f"{record['vehicle']}"] = _said(record)
+        rows.setdefault(at, {name: record[name] for name in keys})[f"{record['vehicle']}"] = _cell(record)
     return pd.DataFrame(list(rows.values()), columns=[*keys, *dict.fromkeys(table["vehicle"])])
 
 
-def _said(record: dict[Hashable, Any]) -> str:
+def _cell(record: dict[Hashable, Any]) -> str:
     answer, spare = str(record["answer"]), float(record["spare_m"])
-    if answer == "NEEDS":
-        return f"NEEDS {record['verdict_half_width_m']:.2f} m to both sides"
-    if answer == "YES":
-        return f"YES, {max(spare, 0.0):.2f} m to spare"
-    return answer if np.isnan(spare) else f"{answer}, {-spare:.2f} m lacking"
+    if answer == NEEDS:
+        return needs_text(record["verdict_half_width_m"])
+    return answer if np.isnan(spare) else f"{answer}, {room_text(spare, fits=answer == YES)}"
 
 
 def _add(path: Path, sheet: str, table: pd.DataFrame) -> None:

@@ -12,8 +12,7 @@ import numpy as np
 from hdvplan.errors import OptionError
 from hdvplan.lengths import METRES
 from hdvplan.schema import parse_toml, read, read_text
-from hdvplan.spelling import did_you_mean
-from hdvplan.texts import printable
+from hdvplan.texts import did_you_mean, printable
 from hdvplan.turning.follow import tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
 from hdvplan.turning.reversing.options import Template as Reversing

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdvplan.answers import NEEDS, room_text, word_of, worded
 from hdvplan.turning.follow import Followed, follow
 from hdvplan.turning.manoeuvre import Manoeuvre
 from hdvplan.turning.swept import Figures, figures_of
@@ -54,10 +55,10 @@ def verdict(turn: Turn) -> str:
     """Return one line: whether the vehicle complies, or what width the turn needs."""
     name, words = turn.driven.vehicle.name, manoeuvre_words(turn)
     if turn.template is None or not turn.limits:
-        return f"NEEDS {turn.figures.swept_width:.2f} m of width: {name}, {words}"
+        return worded(NEEDS, f"{turn.figures.swept_width:.2f} m of width: {name}, {words}")
     demands = "; ".join(_demand_words(limit, turn) for limit in turn.limits)
-    answer = f"YES: {name} complies" if turn.complies else f"NO: {name} does not comply"
-    return f"{answer} with {turn.template.name}: {demands}"
+    complies = "complies" if turn.complies else "does not comply"
+    return worded(word_of(turn.complies), f"{name} {complies} with {turn.template.name}: {demands}")
 
 
 def broken_words(limit: Limit, turn: Turn) -> str:
@@ -77,5 +78,6 @@ def manoeuvre_words(turn: Turn) -> str:
 
 def _demand_words(limit: Limit, turn: Turn) -> str:
     spare = limit.spare(turn.figures)
-    kept = f"{max(spare, 0.0):.3f} m to spare" if limit.kept(turn.figures) else f"{-spare:.3f} m {'short' if limit.least else 'too much'}"
+    over = f"{-spare:.3f} m {'short' if limit.least else 'too much'}"
+    kept = room_text(spare, fits=True, digits=3) if limit.kept(turn.figures) else over
     return f"{limit.words} {figure(limit.name, turn.figures):.3f} m ({'at least' if limit.least else 'at most'} {limit.value:.2f}), {kept}"

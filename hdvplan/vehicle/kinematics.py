@@ -18,6 +18,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.vehicle.model import Vehicle
 
 # Where a unit is in the plane: its axle, its heading, and its coupling to the unit ahead [m]. The lead unit turns about its own axle,
 # so its "coupling" is that axle. And how it stands to what is ahead: to the road, or by its articulation angle.
@@ -43,3 +44,23 @@ def rates(units: Records, road_curvature: float, z: FloatArray, kappa: float) ->
     z, f = np.ascontiguousarray(z), np.empty(len(z))
     _derivative(core.address(units), len(units), road_curvature, len(z), core.address(z), kappa, core.address(f))
     return f
+
+
+def critical_angles(vehicle: Vehicle) -> FloatArray:
+    """Return the critical articulation of every coupling, (units - 1,) [rad]; infinite where the steering alone folds no trailer.
+
+    It is the one that stays as it is in a circle at full lock: sin(beta) - hitch_offset kappa cos(beta) = kappa wheelbase, with the
+    curvature kappa of the path of the axle ahead. Beyond it an angle grows whatever is steered. A trailer's own path then bends by
+    kappa / (cos(beta) + hitch_offset kappa sin(beta)), which the next coupling meets. Trailers' axles are taken as not steered.
+    """
+    kappa, found = vehicle.max_curvature, np.full(len(vehicle.units) - 1, np.inf)
+    for number, (ahead, unit) in enumerate(zip(vehicle.units, vehicle.units[1:], strict=False)):
+        lever = ahead.hitch_offset * kappa
+        sine = kappa * unit.wheelbase / np.hypot(1.0, lever)
+        if sine >= 1.0:
+            break
+        beta = np.arctan(lever) + np.arcsin(sine)
+        found[number], kappa = beta, kappa / (np.cos(beta) + lever * np.sin(beta))
+        if kappa <= 0.0:  # the trailer's axle no longer rolls forward
+            break
+    return found

@@ -14,8 +14,7 @@ import numpy as np
 from hdvplan.errors import VehicleError
 from hdvplan.lengths import METRES
 from hdvplan.schema import parse_toml, read, read_text
-from hdvplan.spelling import did_you_mean
-from hdvplan.texts import printable
+from hdvplan.texts import did_you_mean, printable
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _DECIMAL_COMMA = re.compile(r"^\s*\w+\s*=\s*[+-]?\d+,\d+\s*(#.*)?$", re.MULTILINE)

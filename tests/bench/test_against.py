@@ -16,9 +16,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from hdvplan.bench.comparing.against import SUITE, Contender, Settings, Told, compared, measure_against
+from hdvplan.bench.comparing.against import SUITE, Contender, Listener, Settings, compared, measure_against
 from hdvplan.bench.comparing.compare import Comparison
-from hdvplan.bench.comparing.decision import Rule, Verdict
+from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.processes import Scratch, Started, Turns, scratch_folder, start
 from hdvplan.bench.comparing.programs import Home, Program
 from hdvplan.bench.comparing.work import SuiteWork, suite_entries, suite_text
@@ -63,14 +63,14 @@ def measured(base: Program, new: Program, out: Path) -> Comparison:
     here, there = (Contender(program, SuiteWork(out / "suite.toml")) for program in (base, new))
     with scratch_folder() as scratch:
         return measure_against(
-            here, there, Settings(Rule(), expect_changes=False, patience=0.0), out, scratch, Told(lambda _: None, lambda _: None)
+            here, there, Settings(Rule(), expect_changes=False, patience=0.0), out, scratch, Listener(lambda _: None, lambda _: None)
         )
 
 
 def test_a_fine_first_batch_is_enough_and_the_sides_take_turns_in_being_first(finished_run: Path, tmp_path: Path) -> None:
     diary: list[tuple[str, str]] = []
     base, new = (Recorded(name, Path(sys.executable), run=finished_run, diary=diary) for name in ("base", "new"))
-    assert measured(base, new, tmp_path).verdict is Verdict.FINE
+    assert measured(base, new, tmp_path).verdict is GateVerdict.FINE
     assert [name for name, _ in diary] == ["base", "new"] + ["base", "new", "new", "base"] * 2 + ["base", "new"]
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == [f"{number:02d}" for number in range(5)]  # nothing of warming up
 
@@ -79,7 +79,7 @@ def test_a_fine_first_batch_is_enough_and_the_sides_take_turns_in_being_first(fi
 def test_a_slowdown_is_repeated_before_it_is_red(finished_run: Path, tmp_path: Path) -> None:
     base = Recorded("base", Path(sys.executable), run=finished_run)
     comparison = measured(base, Recorded("new", Path(sys.executable), run=finished_run, slow=1.3), tmp_path)
-    assert comparison.verdict is Verdict.REGRESSED
+    assert comparison.verdict is GateVerdict.REGRESSED
     assert comparison.processes == 10
 
 
@@ -87,7 +87,7 @@ def test_a_slowdown_is_repeated_before_it_is_red(finished_run: Path, tmp_path: P
 def test_an_earlier_comparison_is_replaced_but_nothing_else_is_deleted(finished_run: Path, tmp_path: Path) -> None:
     base, new = (Recorded(name, Path(sys.executable), run=finished_run) for name in ("base", "new"))
     for _ in range(2):
-        assert measured(base, new, tmp_path).verdict is Verdict.FINE
+        assert measured(base, new, tmp_path).verdict is GateVerdict.FINE
     (tmp_path / "base" / "thesis.txt").write_text("irreplaceable", encoding="utf-8")
     with pytest.raises(OptionError, match="not of an earlier comparison"):
         measured(base, new, tmp_path)
@@ -100,7 +100,7 @@ def test_a_new_program_that_fails_beside_a_base_that_does_not_is_red_with_its_la
 ) -> None:
     base = Recorded("base", Path(sys.executable), run=finished_run)
     comparison = measured(base, Recorded("new", Path(sys.executable), run=finished_run, fails=fails), tmp_path)
-    assert comparison.verdict is Verdict.REGRESSED
+    assert comparison.verdict is GateVerdict.REGRESSED
     assert comparison.failure is not None
     assert comparison.failure.side == "new"
     assert comparison.failure.message == "new ended with 1 and says: the licence has expired"
@@ -111,7 +111,7 @@ def test_a_base_that_fails_prevents_an_answer_whatever_the_new_one_does(finished
     broken = Recorded("base", Path(sys.executable), run=finished_run, fails="all")
     for new in (Recorded("new", Path(sys.executable), run=finished_run), broken):
         comparison = measured(broken, new, tmp_path)
-        assert comparison.verdict is Verdict.UNMEASURABLE
+        assert comparison.verdict is GateVerdict.UNMEASURABLE
         assert comparison.failure is not None
         assert comparison.failure.side == "base"
 
@@ -184,7 +184,7 @@ def test_a_side_that_left_no_benchmark_that_can_be_read_is_one_that_failed(finis
     for name in ("base", "new"):
         shutil.copytree(finished_run, tmp_path / name / "00")
     settings = Settings(Rule(), expect_changes=False)
-    for name, verdict in (("new", Verdict.REGRESSED), ("base", Verdict.UNMEASURABLE)):
+    for name, verdict in (("new", GateVerdict.REGRESSED), ("base", GateVerdict.UNMEASURABLE)):
         (tmp_path / name / "00" / "samples.csv.gz").write_bytes(b"")
         comparison = compared(tmp_path, settings)
         assert comparison.failure is not None

@@ -13,7 +13,7 @@ import pytest
 
 from hdvplan.bench.comparing.compare import Comparison, compare, compare_counters
 from hdvplan.bench.comparing.counters import Tolerance, counters_of, read_counters, write_counters
-from hdvplan.bench.comparing.decision import Rule, Verdict
+from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.sides import Side, read_side, times_of
 from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.measuring.samples import Measurement
@@ -63,13 +63,13 @@ def swept(measured: Measurement, **lengths: float) -> Measurement:
 
 
 def test_the_same_twice_is_fine_and_slower_cells_are_told_apart() -> None:
-    assert held(side(), side(processes=6)).verdict is Verdict.FINE
+    assert held(side(), side(processes=6)).verdict is GateVerdict.FINE
     slower = held(side(), side(slow=1.3))
-    assert slower.verdict is Verdict.REGRESSED
+    assert slower.verdict is GateVerdict.REGRESSED
     assert not slower.changes
     verdicts = [entry.verdict for entry in slower.times]
-    assert verdicts == [Verdict.REGRESSED, Verdict.FINE]
-    assert held(side(slow=1.3), side()).verdict is Verdict.FINE
+    assert verdicts == [GateVerdict.REGRESSED, GateVerdict.FINE]
+    assert held(side(slow=1.3), side()).verdict is GateVerdict.FINE
 
 
 def test_the_cold_start_does_not_count() -> None:
@@ -78,16 +78,16 @@ def test_the_cold_start_does_not_count() -> None:
         steps[0, 4] *= 10.0
         return replace(measured, steps=steps)
 
-    assert held(side(), side(change=cold)).verdict is Verdict.FINE
+    assert held(side(), side(change=cold)).verdict is GateVerdict.FINE
 
 
 def test_one_iteration_more_is_reported_by_cell_and_red() -> None:
     comparison = held(side(), side(change=more_iterations))
-    assert comparison.verdict is Verdict.REGRESSED
+    assert comparison.verdict is GateVerdict.REGRESSED
     (change,) = comparison.changes
     assert (change.cell, change.counter, change.base, change.new) == (KEY, "iterations", "15", "16")
-    assert held(side(), side(change=more_iterations), expect_changes=True).verdict is Verdict.FINE
-    assert held(side(change=more_iterations), side()).verdict is Verdict.REGRESSED  # fewer may be less well solved
+    assert held(side(), side(change=more_iterations), expect_changes=True).verdict is GateVerdict.FINE
+    assert held(side(change=more_iterations), side()).verdict is GateVerdict.REGRESSED  # fewer may be less well solved
 
 
 def test_the_same_sum_in_other_steps_is_a_change() -> None:
@@ -116,7 +116,7 @@ def test_every_counter_is_watched(change: Change, counters: set[str]) -> None:
     comparison = held(side(), side(change=change))
     assert {found.counter for found in comparison.changes} == counters
     assert {found.cell for found in comparison.changes} == {KEY}
-    assert comparison.verdict is Verdict.REGRESSED
+    assert comparison.verdict is GateVerdict.REGRESSED
 
 
 def test_an_envelope_that_moved_by_less_than_the_tolerance_is_the_same() -> None:
@@ -129,11 +129,11 @@ def test_sides_that_take_other_steps_are_red_and_timed_over_the_steps_that_both_
         return replace(measured, steps=measured.steps[:4], statuses=measured.statuses[:4])
 
     comparison = held(side(), side(change=shorter))
-    assert comparison.verdict is Verdict.REGRESSED
+    assert comparison.verdict is GateVerdict.REGRESSED
     assert verdict_line(comparison, Rule()).startswith("regressed: other work: bend bus rti riccati takes 4 steps, not 5; ")
-    assert held(side(), side(change=shorter), expect_changes=True).verdict is Verdict.FINE
+    assert held(side(), side(change=shorter), expect_changes=True).verdict is GateVerdict.FINE
     slower = held(side(), side(slow=3.0, change=shorter), expect_changes=True)
-    assert slower.verdict is Verdict.REGRESSED
+    assert slower.verdict is GateVerdict.REGRESSED
     assert slower.times[0].decision.ratio == pytest.approx(3.0, rel=0.02)  # the steps differ by 2 % at most
 
 
@@ -152,8 +152,8 @@ def test_how_far_a_cell_came_within_its_budget_is_no_counter() -> None:
 
     comparison = held(ended(4), ended(3))
     assert not comparison.changes
-    assert comparison.verdict is Verdict.FINE  # over the steps that both have
-    assert held(side(), ended(3)).verdict is Verdict.REGRESSED  # it used to reach the end
+    assert comparison.verdict is GateVerdict.FINE  # over the steps that both have
+    assert held(side(), ended(3)).verdict is GateVerdict.REGRESSED  # it used to reach the end
 
 
 def test_a_cell_that_one_side_lacks_is_a_change() -> None:
@@ -161,7 +161,7 @@ def test_a_cell_that_one_side_lacks_is_a_change() -> None:
     without = Side(whole.counters.iloc[:1], tuple({KEY: process[KEY]} for process in whole.processes))
     (change,) = held(whole, without).changes
     assert (change.cell[2], change.counter, change.base, change.new) == ("sqp", "cell", "measured", "missing")
-    assert held(whole, without).verdict is Verdict.REGRESSED
+    assert held(whole, without).verdict is GateVerdict.REGRESSED
 
 
 def test_a_cell_that_crashes_in_one_process_of_several_is_a_lost_plan_and_never_left_out() -> None:
@@ -170,12 +170,12 @@ def test_a_cell_that_crashes_in_one_process_of_several_is_a_lost_plan_and_never_
     flaky = replace(whole, processes=(*whole.processes[:2], others), lost={KEY: CRASHED})
     for expect_changes in (False, True):
         comparison = held(whole, flaky, expect_changes=expect_changes)
-        assert comparison.verdict is Verdict.REGRESSED
+        assert comparison.verdict is GateVerdict.REGRESSED
         (change,) = comparison.changes
         assert (change.cell, change.counter, change.base, change.new) == (KEY, "status", "ok", "crashed")
     for base, new in ((flaky, whole), (flaky, flaky)):  # which says nothing about the new program
         comparison = held(base, new)
-        assert comparison.verdict is Verdict.UNMEASURABLE
+        assert comparison.verdict is GateVerdict.UNMEASURABLE
         assert sorted(entry.decision.pairs for entry in comparison.times) == [0, 3]
 
 
@@ -214,14 +214,14 @@ def test_a_plan_that_is_lost_says_its_last_words_in_every_format(cli: Cli, two_r
 
 
 def test_one_process_a_side_is_never_red_by_its_times_as_the_hour_may_differ() -> None:
-    assert held(side(processes=1), side(processes=1, slow=1.0001)).verdict is Verdict.FINE
+    assert held(side(processes=1), side(processes=1, slow=1.0001)).verdict is GateVerdict.FINE
     slower = held(side(processes=1), side(processes=1, slow=1.8))  # so much did one busy hour cost an unchanged program
-    assert slower.verdict is Verdict.UNMEASURABLE
+    assert slower.verdict is GateVerdict.UNMEASURABLE
     line = verdict_line(slower, Rule())
     assert line.startswith("could not measure: 1 of 2 cells took longer, most bend bus rti riccati: 1.80 times")
     assert line.endswith("`hdvplan bench --against REV` can")
-    assert held(side(processes=1), side(processes=1, change=more_iterations)).verdict is Verdict.REGRESSED  # work is work at any hour
-    assert held(side(processes=1, rounds=2), side(processes=1, rounds=2, slow=1.3)).verdict is Verdict.UNMEASURABLE
+    assert held(side(processes=1), side(processes=1, change=more_iterations)).verdict is GateVerdict.REGRESSED  # work is work at any hour
+    assert held(side(processes=1, rounds=2), side(processes=1, rounds=2, slow=1.3)).verdict is GateVerdict.UNMEASURABLE
 
 
 def test_a_baseline_leaves_room_for_another_machine_but_not_for_more_work(tmp_path: Path) -> None:
@@ -229,11 +229,16 @@ def test_a_baseline_leaves_room_for_another_machine_but_not_for_more_work(tmp_pa
     write_counters(counters, tmp_path / "counters.csv")
     baseline = read_counters(tmp_path / "counters.csv")
     assert "step by step" not in baseline
-    assert compare_counters(baseline, counters).verdict is Verdict.FINE
-    for iterations, verdict in ((1020, Verdict.FINE), (980, Verdict.FINE), (1021, Verdict.REGRESSED), (979, Verdict.REGRESSED)):
+    assert compare_counters(baseline, counters).verdict is GateVerdict.FINE
+    for iterations, verdict in (
+        (1020, GateVerdict.FINE),
+        (980, GateVerdict.FINE),
+        (1021, GateVerdict.REGRESSED),
+        (979, GateVerdict.REGRESSED),
+    ):
         old, new = baseline.assign(iterations=1000), counters.assign(iterations=iterations)
         assert compare_counters(old, new).verdict is verdict  # 2 %
-    assert compare_counters(baseline.assign(nonzeros=99), counters).verdict is Verdict.REGRESSED
+    assert compare_counters(baseline.assign(nonzeros=99), counters).verdict is GateVerdict.REGRESSED
 
 
 NO_BASELINES = {

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.comparing.decision import Decision, Pairs, Rule, Verdict, decide, median_rank
+from hdvplan.bench.comparing.decision import Decision, GateVerdict, Pairs, Rule, decide, median_rank
 from hdvplan.errors import OptionError
 
 STEPS = 100
 REPEATS = 100
 PROCESS = 0.013  # standard deviation of a process's statistic, as a share of it: what was measured on a shared machine
 RULE = Rule()
-FINE, REGRESSED, UNMEASURABLE = Verdict.FINE, Verdict.REGRESSED, Verdict.UNMEASURABLE
+FINE, REGRESSED, UNMEASURABLE = GateVerdict.FINE, GateVerdict.REGRESSED, GateVerdict.UNMEASURABLE
 
 Samples = tuple[FloatArray, FloatArray]
 
@@ -36,7 +36,7 @@ def times(random: np.random.Generator, pairs: int, slow: float = 1.0, process: f
     return side(1.0), side(slow)
 
 
-def share(verdict: Verdict, samples: list[Samples], rule: Rule = RULE) -> float:
+def share(verdict: GateVerdict, samples: list[Samples], rule: Rule = RULE) -> float:
     return float(np.mean([judge(base, new, rule).verdict is verdict for base, new in samples]))
 
 

@@ -17,7 +17,7 @@ import pytest
 from hdvplan.bench.comparing.against import REPORTS
 from hdvplan.bench.comparing.compare import Comparison, compare
 from hdvplan.bench.comparing.counters import Tolerance
-from hdvplan.bench.comparing.decision import Rule, Verdict
+from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.processes import Ended
 from hdvplan.bench.comparing.programs import ProgramError, UnreachedError, present
 from hdvplan.bench.comparing.sides import Side, own_changes, own_name, read_side
@@ -139,7 +139,7 @@ def test_changed_work_of_a_command_is_red_in_its_own_words(cell: dict[str, objec
     base, new = side(*[told_steps()] * 10), side(*[cell] * 10)
     comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
     assert verdict_line(comparison, Rule()).startswith(words)
-    assert compare(base, base, Rule(), Tolerance(), expect_changes=False).verdict is Verdict.FINE
+    assert compare(base, base, Rule(), Tolerance(), expect_changes=False).verdict is GateVerdict.FINE
 
 
 def test_counters_that_the_base_does_not_repeat_say_nothing_and_those_that_only_the_new_side_does_not_are_changes() -> None:
@@ -163,25 +163,28 @@ def test_what_a_command_takes_beside_its_steps_is_red(spent: dict[str, float], n
     base, new = (side(*[told_steps()] * 10, spent=usual | more) for more in ({}, spent))
     comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
     assert name in {one.quantity.name for one in comparison.found if one.is_worse}
-    assert comparison.verdict is Verdict.REGRESSED
+    assert comparison.verdict is GateVerdict.REGRESSED
 
 
 def test_processes_with_an_empty_home_are_cells_of_their_own() -> None:
     warm, slow = side(*[told_steps()] * 10), side(*[told_steps(slow=3.0)] * 10)
     base, new = (replace(warm, cold=cold.processes, cold_about=cold.about) for cold in (warm, slow))
     comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
-    assert {entry.cell[0]: entry.verdict for entry in comparison.times} == {"depot": Verdict.FINE, "depot (cold)": Verdict.REGRESSED}
+    assert {entry.cell[0]: entry.verdict for entry in comparison.times} == {
+        "depot": GateVerdict.FINE,
+        "depot (cold)": GateVerdict.REGRESSED,
+    }
 
 
 def test_processor_time_decides_where_the_clock_cannot_unless_the_cell_is_a_small_part_of_it() -> None:
     factors = (0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4)  # the middle is fine, the interval is not
     steady, uneven = side(*[told_steps()] * 10), side(*[told_steps(slow=factor) for factor in factors])
-    for cpu, verdict in ((0.02, Verdict.FINE), (0.2, Verdict.UNMEASURABLE)):  # the steps take 20 ms of it
+    for cpu, verdict in ((0.02, GateVerdict.FINE), (0.2, GateVerdict.UNMEASURABLE)):  # the steps take 20 ms of it
         base = replace(steady, about=({"cpu_s": cpu, "load": 3.0},) * 10)
         new = replace(uneven, about=tuple({"cpu_s": cpu * (1.0 + 2e-3 * number), "load": 3.0} for number in range(10)))
         comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
         (entry,) = comparison.times
-        assert (comparison.verdict, entry.verdict, entry.by_cpu) == (verdict, verdict, verdict is Verdict.FINE)
+        assert (comparison.verdict, entry.verdict, entry.by_cpu) == (verdict, verdict, verdict is GateVerdict.FINE)
     line = verdict_line(comparison, Rule())
     assert re.search(r"; 10 pairs would have shown \d\.\d\d times as long; load average 3\.0 on \d+ cores(;|$)", line)
 
@@ -373,7 +376,7 @@ def test_versions_that_differ_between_the_sides_are_told(cli: Cli, tmp_path: Pat
         (folder / "run.json").write_text(json.dumps(told), encoding="utf-8")
     python = tmp_path / "python"
     python.touch(mode=0o755)
-    monkeypatch.setattr("hdvplan.bench.comparing.against._compared", lambda *_: Comparison((), (), Verdict.FINE, 10))
+    monkeypatch.setattr("hdvplan.bench.comparing.against._compared", lambda *_: Comparison((), (), GateVerdict.FINE, 10))
     outcome = cli("bench", "--against", str(python), "--command", "ours", "--out", "out")
     assert (outcome.code, outcome.err) == (0, "versions differ: numpy 2.1 -> 2.2\n")
 

@@ -15,7 +15,7 @@ import pytest
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.compare import Comparison, compare, failed
 from hdvplan.bench.comparing.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Change, Tolerance
-from hdvplan.bench.comparing.decision import Rule, Verdict
+from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.reports import comparison_json, github_annotation, junit_xml, write_reports
 from hdvplan.bench.comparing.sides import IMPORT, PEAK, Name, Side, Steps
 from hdvplan.bench.comparing.words import comparison_markdown, quantity_words, verdict_line, wrong_rows
@@ -74,7 +74,7 @@ def first(steps: Steps, _: np.random.Generator) -> Steps:
 
 
 def names(comparison: Comparison) -> set[str]:
-    return {quantity_words(one) for one in comparison.found if one.verdict is Verdict.REGRESSED}
+    return {quantity_words(one) for one in comparison.found if one.verdict is GateVerdict.REGRESSED}
 
 
 @pytest.mark.parametrize("seed", range(1, 6))
@@ -91,7 +91,7 @@ def names(comparison: Comparison) -> set[str]:
 )
 def test_what_the_fastest_rounds_do_not_show_is_found(change: Worse, about: Mapping[str, float], found: set[str], seed: int) -> None:
     comparison = held(side(seed, change, about=about))
-    assert comparison.verdict is Verdict.REGRESSED
+    assert comparison.verdict is GateVerdict.REGRESSED
     assert found <= names(comparison)
     assert names(comparison) <= {*found, "p99", "worst", "typical"}
 
@@ -99,7 +99,7 @@ def test_what_the_fastest_rounds_do_not_show_is_found(change: Worse, about: Mapp
 def test_the_same_program_is_fine_in_all_of_them_and_the_report_says_what_would_have_been_seen() -> None:
     for seed in range(1, 21):
         comparison = held(side(seed))
-        assert comparison.verdict is Verdict.FINE
+        assert comparison.verdict is GateVerdict.FINE
         assert not names(comparison)
     seen = {quantity_words(one): one.decision.detectable for one in comparison.found}
     assert 1.08 <= seen["from outside"] < 1.12
@@ -117,7 +117,7 @@ def test_what_could_not_be_seen_is_not_called_fine(pairs: int) -> None:
         compare(side(0, change, pairs), side(1, change, pairs), Rule(), Tolerance(), expect_changes=False) for change in (unchanged, uneven)
     )
     assert not any(one.decision.unseen for one in quiet.found)
-    assert noisy.verdict is Verdict.FINE  # by the planner's own clock, and nothing was found
+    assert noisy.verdict is GateVerdict.FINE  # by the planner's own clock, and nothing was found
     unseen = {quantity_words(one) for one in noisy.found if one.decision.unseen}
     assert {"from outside", "typical"} <= unseen
     assert not {"import", "memory"} & unseen  # their processes are as before
@@ -136,12 +136,12 @@ def test_what_could_not_be_seen_is_not_called_fine(pairs: int) -> None:
 def test_what_was_found_was_seen() -> None:
     noisy = compare(side(0), side(1), Rule(), Tolerance(), expect_changes=False)
     assert all(replace(one.decision, detectable=10.0).unseen for one in noisy.found)
-    assert not any(replace(one.decision, verdict=Verdict.REGRESSED, detectable=10.0).unseen for one in noisy.found)
+    assert not any(replace(one.decision, verdict=GateVerdict.REGRESSED, detectable=10.0).unseen for one in noisy.found)
 
 
 def test_few_pairs_leave_a_doubt_that_a_repeat_settles() -> None:
-    assert held(side(1, half, pairs=5), pairs=5).verdict is Verdict.UNMEASURABLE
-    assert held(side(1, pairs=5), pairs=5).verdict is Verdict.FINE
+    assert held(side(1, half, pairs=5), pairs=5).verdict is GateVerdict.UNMEASURABLE
+    assert held(side(1, pairs=5), pairs=5).verdict is GateVerdict.FINE
 
 
 def test_what_is_slower_is_told_the_worst_first() -> None:
@@ -179,7 +179,7 @@ def test_every_form_says_the_same_of_a_failure(tmp_path: Path) -> None:
     assert "%0ATraceback%0ASIGSEGV" in line
     assert json.loads((tmp_path / "benchmark.json").read_text(encoding="utf-8")) == []
     broken = failed("base", "base cannot be installed", "")
-    assert broken.verdict is Verdict.UNMEASURABLE
+    assert broken.verdict is GateVerdict.UNMEASURABLE
     assert fromstring(junit_xml(broken, Rule())).get("skipped") == "1"  # noqa: S314 - our own
 
 

@@ -102,7 +102,7 @@ def test_where_nobody_hands_out_turns_there_is_no_waiting(monkeypatch: pytest.Mo
 def test_both_run_on_the_core_that_they_share(scratch: Scratch) -> None:
     core = max(os.sched_getaffinity(0))
     ended = finish(start([sys.executable, "-c", "import os; print(os.sched_getaffinity(0))"], os.environ, scratch, turns=Turns(core)))
-    assert ended.printed.strip() == str({core})
+    assert ended.stdout.strip() == str({core})
 
 
 def test_a_process_that_runs_longer_than_its_limit_is_ended_and_waiting_for_turns_does_not_count() -> None:

@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
-from hdvplan.bench.measuring.pictures import bench_figure, pictured, share_within, tikz
+from hdvplan.bench.measuring.pictures import bench_figure, pictured, share_within
 from hdvplan.bench.measuring.ranking import Finding, Load, findings_of, load_of
 from hdvplan.bench.measuring.samples import NUMBERS, Measurement
 from hdvplan.bench.measuring.stats import Tables, tables_of
@@ -180,12 +180,6 @@ def test_numbers_on_axes_are_no_formulas() -> None:
     said = [label.get_text() for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for label in axis.get_ticklabels()]
     assert any(said)
     assert not [text for text in said if "$" in text]
-
-
-def test_names_that_latex_would_read_are_escaped_in_tikz() -> None:
-    found = tables(**{"a_b&{c}": [made_up([0.1, 0.001])]})
-    text = tikz(pictured(found.samples, found.timing, ["a_b&{c}"]), "caption")
-    assert r"\addlegendentry{a\_b\&\{c\}}" in text
 
 
 def test_names_that_latex_would_read_are_escaped_in_cells_caption_and_foot() -> None:

@@ -11,6 +11,7 @@ import pytest
 from pypdf import PdfReader
 from selenium import webdriver
 
+from hdvplan.answers import NEEDS, NO
 from hdvplan.judging.result import Result
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import write_report
@@ -61,8 +62,8 @@ def test_the_report_prints_on_whole_pages(browser: webdriver.Chrome, report: str
         "bus on uturn",
         "tractor-trailer on roundabout",
         "bus on long",
-        "NO:",
-        "NEEDS",
+        f"{NO}:",
+        NEEDS,
         "limit violation",
         "width between limits",
     ):

@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 import shapely
 
+from hdvplan.answers import NO
 from hdvplan.judging.result import Result, result_of
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import write_report
@@ -111,7 +112,7 @@ def reading(plan: WebElement) -> dict[str, float]:
 
 def test_the_page_opens_with_every_plan_drawn(page: webdriver.Chrome, tmp_path: Path) -> None:
     first, second = shown(page)
-    assert first.find_element(By.CSS_SELECTOR, ".verdict").text.startswith("NO: ")
+    assert first.find_element(By.CSS_SELECTOR, ".verdict").text.startswith(NO)
     assert "tractor-trailer" in second.find_element(By.TAG_NAME, "h2").text
     for plan in (first, second):
         for canvas in plan.find_elements(By.TAG_NAME, "canvas"):

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import hdvplan
+from hdvplan.answers import YES
 from hdvplan.api import follow
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.followed import GivenPath
@@ -37,7 +38,7 @@ def test_a_plan_s_own_path_is_judged_as_the_plan_was(cli: Cli, planned: Path, sh
     pd.read_csv(planned / "path.csv")[columns].to_csv("own.csv", index=False)
     outcome = cli("judge", "own.csv", short_road, "--vehicle", "tractor-trailer", "--half-width", "2", "--out", "judged", "--no-plot")
     assert outcome.code == 0
-    assert outcome.out.startswith("YES: ")
+    assert outcome.out.startswith(YES)
     assert "driven along a given path" in outcome.out
     assert ("articulations come within 0.000" in outcome.err) == ("beta1" in columns)
     before, after = summary(planned), summary("judged")

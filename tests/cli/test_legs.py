@@ -13,6 +13,7 @@ import pandas as pd
 import pyogrio
 import pytest
 
+from hdvplan.answers import NEEDS, NO, YES, without_word, worded
 from hdvplan.report.summary import TRACKING
 from tests.cli.conftest import Cli
 from tests.road.drives import EAST, NORTH, drawn, leg, line_feature, turn_features, written
@@ -32,7 +33,7 @@ def test_a_turn_in_three_moves_is_planned_judged_told_and_written(cli: Cli, tmp_
     outcome = cli("plan", "turn.geojson", *QUICK, "--format", "png,svg,dxf,gpkg", "--sheet", "a4", "--animate")
     assert (outcome.code, outcome.err) == (0, "")
     verdict, more, *table = outcome.out.splitlines()
-    assert verdict.startswith("YES: ")
+    assert verdict.startswith(YES)
     assert any(
         f" of leg {number} ({direction}), " in verdict for number, direction in enumerate(("forward", "backward", "forward"), start=1)
     )
@@ -108,10 +109,10 @@ def test_a_street_that_is_too_narrow_is_a_no_with_its_leg(cli: Cli, tmp_path: Pa
     outcome = cli("plan", "turn.geojson", *QUICK, "--no-plot")
     assert outcome.code == 1
     verdict = outcome.out.splitlines()[0]
-    assert verdict.startswith("NO: ")
+    assert verdict.startswith(NO)
     assert " of leg " in verdict
     assert " wall'" in outcome.out.splitlines()[1]  # the first line has no room for it
-    assert outcome.err.splitlines()[-2] == f"error: {verdict.removeprefix('NO: ')}"
+    assert outcome.err.splitlines()[-2] == f"error: {without_word(verdict, NO)}"
     assert "no proof is looked for on legs" in outcome.err
 
 
@@ -119,8 +120,8 @@ def test_without_anything_beside_the_legs_the_answer_is_what_they_need(cli: Cli,
     written(tmp_path, *turn_features())
     outcome = cli("plan", "turn.geojson", *QUICK, "--no-plot")
     assert outcome.code == 0
-    assert outcome.out.startswith("NEEDS ")
-    assert cli("plan", "turn.geojson", *QUICK, "--no-plot", "--half-width", "5").out.startswith("YES: ")
+    assert outcome.out.startswith(NEEDS)
+    assert cli("plan", "turn.geojson", *QUICK, "--no-plot", "--half-width", "5").out.startswith(YES)
 
 
 def test_a_report_of_legs_is_refused(cli: Cli, tmp_path: Path) -> None:
@@ -142,3 +143,9 @@ def test_the_line_of_the_last_axle_leads_the_semitrailer_onto_a_dock(cli: Cli, t
     apart = np.hypot(end["x"] - (rear[-1, 0] + EAST), end["y"] - (rear[-1, 1] + NORTH))
     assert 0.5 * lengths < apart < 1.2 * lengths
     assert abs(end["beta1"]) < np.deg2rad(3.0)  # on the straight before the dock the vehicle is stretched again
+
+
+def test_where_walls_lead_out_of_the_model_a_plan_without_them_is_judged(cli: Cli) -> None:
+    outcome = cli("plan", "three_point_turn", "--vehicle", "tractor-semitrailer", "--no-plot", "--no-refine")
+    assert outcome.code == 1
+    assert outcome.out.startswith(worded(NO, "jack-knife at s = "))

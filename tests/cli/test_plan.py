@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hdvplan.answers import NO, YES, room_text, worded
 from hdvplan.case import Case
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.planning.bias import Bias
@@ -45,7 +46,7 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
     for words in ("max left", "mean |left + right|", "expected half width", "limits kept", "time per step", "short.bus/"):
         assert words in outcome.out
     verdict, more, *tables = outcome.out.splitlines()
-    assert verdict.startswith("YES: ")
+    assert verdict.startswith(YES)
     assert "holds while the driver keeps" in more
     assert max(len(line) for line in tables) <= 80
 
@@ -98,10 +99,10 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
     deepest = max(summary["breaches"], key=lambda breach: breach["depth_m"])
     assert summary["status"] == "limits broken"
     assert summary["limit_violation_m"] == deepest["depth_m"] > 0.01
-    again, *manners, warning, first, hint = outcome.err.splitlines()
+    again, *notes, warning, first, hint = outcome.err.splitlines()
     assert again.endswith(f"{deepest['depth_m']:.3f} m are lacking at best: that is the plan here")
     assert warning.startswith("warning: too narrow for the tractor-trailer-24m from s = ")
-    assert all(line.startswith("warning: the plan ") for line in manners)
+    assert all(line.startswith("warning: the plan ") for line in notes)
     assert first == (
         f"error: the {deepest['part']} of the {deepest['unit']} breaks the {deepest['side']} limit"
         f" by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:.1f} m"
@@ -110,14 +111,14 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
     assert "broken limits" in outcome.out
     verdict = summary["verdict"]
     assert outcome.out.splitlines()[0] == verdict["text"]
-    assert verdict["text"].startswith(f"NO: {-verdict['spare_m']:.2f} m lacking at s = {verdict['s_m']:.1f} m, ")
+    assert verdict["text"].startswith(worded(NO, f"{room_text(verdict['spare_m'], fits=False)} at s = {verdict['s_m']:.1f} m, "))
     assert (verdict["fits"], -verdict["spare_m"]) == (False, deepest["depth_m"])
 
 
 def test_a_clearance_that_is_not_kept_ends_in_1_although_no_limit_is_broken(cli: Cli, tmp_path: Path, short_road: str) -> None:
     outcome = cli("plan", short_road, "--vehicle", "bus", *QUICK, "--half-width", "2", "--clearance", "0.5", "--no-proof", "--no-refine")
     assert outcome.code == 1
-    assert outcome.out.startswith("NO: ")
+    assert outcome.out.startswith(NO)
     assert "error: only 0." in outcome.err
     summary = json.loads((tmp_path / "short.bus" / "summary.json").read_text(encoding="utf-8"))
     assert (summary["status"], summary["limit_violation_m"], summary["clearance_wanted_m"]) == ("clearance not kept", 0, 0.5)
@@ -210,7 +211,7 @@ def test_several_vehicles_are_compared_and_answered_as_each_by_itself(cli: Cli, 
     assert outcome.out.startswith("NO: 1 of 2 vehicles does not fit: a-double\n")
     assert outcome.err.count("error: ") == 1
     table = pd.read_csv("both/compared.csv").set_index("vehicle")
-    assert table["answer"].to_dict() == {"bus": "YES", "a-double": "NO"}
+    assert table["answer"].to_dict() == {"bus": YES, "a-double": NO}
     for name in table.index:
         cli("plan", short_road, "--vehicle", name, "--half-width", "1.7", "--out", "alone", "--no-plot")
         alone = json.loads(Path("alone/summary.json").read_text(encoding="utf-8"))["verdict"]
@@ -226,3 +227,12 @@ def test_vehicles_on_a_road_without_limits_are_compared_by_what_they_need(cli: C
     assert not Path("short.compared/compared.png").exists()
     both = json.loads(cli("plan", short_road, "--vehicle", "bus,a-double", "--no-plot", "--json").out)
     assert [one["vehicle"] for one in both] == ["bus", "a-double"]
+
+
+@pytest.mark.parametrize("road", ["uturn", "three_point_turn"])
+def test_a_scale_without_room_is_refused_before_anything_is_planned(cli: Cli, monkeypatch: pytest.MonkeyPatch, road: str) -> None:
+    for planned in ("hdvplan.api.plan", "hdvplan.legs.plan_legs"):
+        monkeypatch.setattr(planned, lambda *_, **__: pytest.fail("it was planned"))
+    outcome = cli("plan", road, "--vehicle", "bus", "--sheet", "a4", "--scale", "1:10")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.splitlines()[-2].startswith("error: at 1:10 the sheet has no room for the ")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from hdvplan.answers import NO
 from tests.cli.conftest import Cli
 
 BEND = ("bend.csv", "--vehicle", "bus", "--no-plot")
@@ -29,7 +30,7 @@ def test_a_bus_that_cannot_pass_gets_a_proof_with_its_stretch(cli: Cli, bend: Pa
     assert 0.0 <= proof["s_from_m"] < proof["s_to_m"] <= summary["length_m"]
     said = f"proved: between s = {proof['s_from_m']:.1f} and {proof['s_to_m']:.1f} m nothing that this vehicle can drive keeps the limits"
     assert outcome.out.splitlines()[0] == verdict["text"]
-    assert verdict["text"].startswith("NO: ")
+    assert verdict["text"].startswith(NO)
     assert verdict["details"].endswith(f"; {said}")
     without = json.loads(cli("plan", *BEND, "--half-width", TOO_LITTLE_M, "--json", "--no-proof").out)["verdict"]
     assert (without["proved"], without["proof"], without["spare_m"]) == (False, None, verdict["spare_m"])  # it changes nothing of the plan

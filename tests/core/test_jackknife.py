@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hdvplan.vehicle.jackknife import critical_angles
-from hdvplan.vehicle.kinematics import rates
+from hdvplan.vehicle.kinematics import critical_angles, rates
 from hdvplan.vehicle.load import load_vehicle
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from hdvplan.answers import NEEDS
 from hdvplan.network.osm import Member, Relation
 from tests.cli.conftest import Cli
 from tests.network.maps import write_map
@@ -101,7 +102,7 @@ def test_a_bus_drives_a_road_of_a_real_map(cli: Cli, tmp_path: Path) -> None:
     assert cli("roads", "extract", str(FILES / "planken.osm.pbf"), "--out", "roads", "--quiet").code == 0
     road = min((tmp_path / "roads").glob("*.geojson"))
     outcome = cli("plan", str(road), "--vehicle", "bus", "--no-plot", "--out", "plan")
-    assert outcome.out.startswith("NEEDS")
+    assert outcome.out.startswith(NEEDS)
     assert (
         json.loads((tmp_path / "plan" / "summary.json").read_text(encoding="utf-8"))["notice"] == "© OpenStreetMap contributors, ODbL 1.0"
     )

@@ -16,6 +16,7 @@ from ezdxf.entities.mtext import MText
 from ezdxf.filemanagement import read
 from pyproj import Geod, Transformer
 
+from hdvplan.answers import NO
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.result import Result
@@ -78,7 +79,7 @@ def test_a_drawing_has_the_layers_that_a_draughtsman_switches(mapped: Result) ->
     assert drawing.layers.get("ROAD").dxf.linetype == "CENTER"
     assert drawing.layers.get("CONFLICTS").dxf.color == 1  # red
     assert not drawing.audit().errors
-    assert notes(drawing).startswith("NO: ")
+    assert notes(drawing).startswith(NO)
     assert "EPSG:32632" in notes(drawing)  # the UTM zone of Göteborg
 
 

@@ -11,17 +11,18 @@ import shapely
 from PIL import Image, ImageSequence
 from pypdf import PdfReader
 
+from hdvplan.answers import NO
 from hdvplan.errors import OptionError
 from hdvplan.judging.bodies import corners, placed
 from hdvplan.judging.legs import LegsResult, jackknife_of
 from hdvplan.judging.result import Result
 from hdvplan.report.leg_files import summary_of_legs
-from hdvplan.report.leg_film import legs_film_bytes
 from hdvplan.report.leg_maps import stops_of
+from hdvplan.report.leg_plots import legs_film_bytes
 from hdvplan.report.leg_sheet import legs_sheet_bytes
 from hdvplan.report.paper import SheetOptions
 from hdvplan.road.legs import Leg, Legs
-from hdvplan.vehicle.jackknife import critical_angles
+from hdvplan.vehicle.kinematics import critical_angles
 from tests.report.pdf import strokes
 
 
@@ -60,7 +61,7 @@ def test_an_articulation_beyond_the_critical_one_is_a_no_with_its_place(trailer:
     assert found.x == pytest.approx(float(coupling["coupling_x"]))
     assert found.y == pytest.approx(float(coupling["coupling_y"]))
     driven = legs_of(trailer, broken)
-    assert (driven.worst, driven.word, driven.fits) == (1, "NO", False)
+    assert (driven.worst, driven.word, driven.fits) == (1, NO, False)
     degrees = float(np.degrees(critical))
     answer = f"{degrees + 2.0:.0f} degrees, beyond {degrees:.1f} no steering helps"
     assert driven.text == f"NO: jack-knife at s = {found.s:.1f} m of leg 2 (backward): {answer}"

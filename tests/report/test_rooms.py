@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from hdvplan.answers import room_text
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import corners
@@ -40,7 +41,7 @@ def test_the_tightest_place_has_the_verdict_s_number(name: str, straight: Result
 def test_a_comparison_of_vehicles_that_fit_has_no_negative_room(straight: Result) -> None:
     touching = beside_a_van(straight, 1.265)
     assert -0.01 < (verdict_of(touching).spare or 0.0) < 0.0  # limits are kept to 1 cm
-    assert answer_of((touching,)).endswith("; 0.00 m to spare for the bus")
+    assert answer_of((touching,)).endswith(f"; {room_text(0.0, fits=True)} for the bus")
 
 
 def test_a_van_that_is_hit_is_drawn_where_it_was_hit(straight: Result) -> None:

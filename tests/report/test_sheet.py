@@ -10,11 +10,13 @@ import pytest
 from pypdf import PdfReader
 from pypdf.generic import DictionaryObject
 
+from hdvplan.answers import NEEDS, NO
 from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.report.paper import SheetOptions, pages_of
+from hdvplan.report.paper import SCALES, Page, SheetOptions, pages_of
 from hdvplan.report.sheet import sheet_bytes
+from hdvplan.report.sheetmap import inset_scale
 from tests.report.pdf import strokes
 
 FIELD_MM = (290.0, 200.0)
@@ -54,7 +56,7 @@ def test_fonts_are_embedded_and_nothing_is_a_picture(kerbed: Result) -> None:
 def test_the_title_says_what_a_file_needs(trailer: Result, kerbed: Result) -> None:
     text = " ".join(read(trailer).pages[0].extract_text().split())
     for words in (
-        "NEEDS",
+        NEEDS,
         "roundabout",
         "tractor-trailer",
         "© the surveyors",
@@ -65,7 +67,7 @@ def test_the_title_says_what_a_file_needs(trailer: Result, kerbed: Result) -> No
     ):
         assert words in text
     text = " ".join(read(kerbed).pages[0].extract_text().split())
-    assert "NO" in text
+    assert NO in text
     assert "beyond" in text  # at the enlarged places
 
 
@@ -93,6 +95,11 @@ def test_of_a_road_too_long_for_sheets_the_tight_stretches_are_drawn(long: Resul
 def test_a_scale_without_room_for_the_vehicle_is_refused(bus: Result) -> None:
     with pytest.raises(OptionError, match="no room for the bus"):
         sheet_bytes(bus, SheetOptions("a4", 10))
+
+
+def test_enlarged_places_are_at_least_twice_as_large_as_on_the_map() -> None:
+    for scale in (10, 19, 39, *SCALES, 5000):
+        assert 2 * inset_scale(Page(0.0, 1.0, 0.0, (0.0, 0.0), scale)) <= scale
 
 
 def test_options_are_read_as_they_are_written() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
+from hdvplan.answers import LINE
 from hdvplan.judging.result import Result, result_of
-from hdvplan.judging.verdict import LINE, Verdict, verdict_details, verdict_line, verdict_of, verdict_title
+from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of, verdict_title
 from hdvplan.report.summary import summary_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.regions import Kind, Region
@@ -110,4 +111,5 @@ def test_the_title_and_the_summary_say_the_same(bus: Result, kerbed: Result) -> 
         told = summary_of(result)["verdict"]
         assert isinstance(told, dict)
         assert word in verdict_title(result, verdict)
-        assert (told["text"], told["fits"], told["spare_m"], told["s_m"]) == (line(result), verdict.fits, verdict.spare, verdict.s)
+        assert (told["text"], told["word"], told["fits"]) == (line(result), word, verdict.fits)
+        assert (told["spare_m"], told["s_m"]) == (verdict.spare, verdict.s)

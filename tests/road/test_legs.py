@@ -13,9 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
-from hdvplan.cusps import past
 from hdvplan.errors import RoadError
-from hdvplan.legs import load_legs
+from hdvplan.legs import load_legs, past
 from hdvplan.road.legs import Leg, Legs
 from hdvplan.road.load import load_road
 from hdvplan.road.load_csv import read_csv

@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 from hdvplan import api
+from hdvplan.answers import NO, YES
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
@@ -64,7 +65,7 @@ def test_a_drive_keeps_to_a_line_that_it_can_follow_and_to_its_own_curvature_els
         assert np.max(np.abs(np.diff(heading))) <= 1.1 * K * 0.5  # over a step of half a metre
 
 
-@pytest.mark.parametrize(("half_width", "word"), [(3.0, "NO"), (22.0, "YES")])
+@pytest.mark.parametrize(("half_width", "word"), [(3.0, NO), (22.0, YES)])
 def test_a_street_round_a_tight_hairpin_is_answered(half_width: float, word: str) -> None:
     points, bus = hairpin(3.05), load_vehicle("bus")
     raw = RawRoad(points, np.full((4, len(points)), half_width))
@@ -75,4 +76,4 @@ def test_a_street_round_a_tight_hairpin_is_answered(half_width: float, word: str
     longer[[0, -1], 0] -= 30.0  # beyond the ends the street goes on straight
     street = shapely.buffer(shapely.LineString(longer), half_width + KEPT_M)
     swept = shapely.polygons(corners(result.drive, on).reshape(-1, 4, 2))
-    assert bool(np.all(shapely.covered_by(swept, street))) is (word == "YES")
+    assert bool(np.all(shapely.covered_by(swept, street))) is (word == YES)

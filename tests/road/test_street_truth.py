@@ -15,6 +15,7 @@ from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from hdvplan import api
+from hdvplan.answers import NO, YES
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
@@ -77,7 +78,7 @@ def test_a_corner_by_its_width_by_its_edges_and_as_a_polygon_is_one_street(half_
     edges = offsets(CORNER, half_width)
     np.testing.assert_allclose(edges[0], [[0.0, half_width], [LEG - half_width, half_width], [LEG - half_width, LEG]])  # a mitre indeed
     by_width = verdict(road_of(RawRoad(CORNER, np.full((4, 3), half_width))))
-    assert by_width.word == ("YES" if half_width > 3.3 else "NO")  # this bus needs so much at a right angle: 0.2 m are lacking at 3.2 m
+    assert by_width.word == (YES if half_width > 3.3 else NO)  # this bus needs so much at a right angle: 0.2 m are lacking at 3.2 m
     for drawn in (edges, edges[::-1], (ring_of(edges),), (ring_of(edges)[::-1],)):
         assert_same(verdict(road_of(RawRoad(CORNER, edges=drawn))), by_width)
 

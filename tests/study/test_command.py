@@ -14,6 +14,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from hdvplan.answers import NO, YES
 from hdvplan.study.conduct import run as run_study
 from hdvplan.study.spec import read_study
 from tests.nightly import nightly
@@ -41,7 +42,7 @@ def test_a_study_ends_in_0_with_its_files_and_a_sentence(cli: Cli, study_file: P
         "cells.parquet", "places.parquet", "ranking.csv", "map.html", "table.xlsx", "study.json", "parts"
     }  # fmt: skip
     again = cli("study", str(study_file), "--out", "out", "--json")
-    assert json.loads(again.out) == {"out": "out", "cells": 4, "outcomes": {"planned": 4}, "fits": {"YES": 2, "NO": 2}}
+    assert json.loads(again.out) == {"out": "out", "cells": 4, "outcomes": {"planned": 4}, "fits": {YES: 2, NO: 2}}
     assert again.err == ""
 
 

@@ -18,6 +18,7 @@ import shapely
 
 import hdvplan
 from hdvplan import api
+from hdvplan.answers import NEEDS
 from hdvplan.errors import OptionError
 from hdvplan.report.summary import summary_of
 from hdvplan.study.cells import PARALLEL, SUMMARY, Cell, cells_of, taken
@@ -350,4 +351,4 @@ def test_a_study_may_be_run_from_python_by_its_file_or_its_entries(folder: Path,
     by_file = hdvplan.study.run("study.toml", "a", InHere())
     by_entries = hdvplan.study.run({"roads": ["bend.csv"], "vehicles": ["bus"], "settings": {"horizon": 30}}, "b", InHere())
     pd.testing.assert_frame_equal(exact(by_file.cells()), exact(by_entries.cells()))
-    assert by_file.fits == {"NEEDS": 1}
+    assert by_file.fits == {NEEDS: 1}

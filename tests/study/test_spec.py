@@ -19,7 +19,7 @@ def test_a_study_is_every_combination_of_what_it_names(folder: Path, tiny: dict[
     study = study_of(tiny | {"schemes": ["rti", "sqp"], "objectives": ["geometric", "lead-axle"]}, folder)
     cells = list(cells_of(study))
     assert len(study) == len(cells) == 2 * 2 * 2 * 2 * 2
-    told = {(c.road.label, c.variant.vehicle.name, c.width, c.objective, c.manner.settings.scheme) for c in cells}
+    told = {(c.road.label, c.variant.vehicle.name, c.width, c.objective, c.setup.settings.scheme) for c in cells}
     assert len(told) == len(cells)
     assert ("lane", "bus", Width(3.5, 3.5), "lead-axle", Scheme.SQP) in told
 
@@ -79,8 +79,8 @@ def test_settings_that_are_lists_are_combined(folder: Path) -> None:
     settings = {"clearance": [0.0, 0.2], "reverse": [False, True], "offset": -1.75, "bias": "centre", "pass": "left"}
     settings |= {"smooth": 2, "proof": True}
     study = study_of(BASE | {"settings": settings, "half_widths": [3.5]}, folder)
-    assert [(m.settings.clearance, m.reverse) for m in study.manners] == [(0.0, False), (0.0, True), (0.2, False), (0.2, True)]
-    assert {(m.offset, m.bias, m.side) for m in study.manners} == {(-1.75, "centre", "left")}
+    assert [(m.settings.clearance, m.reverse) for m in study.setups] == [(0.0, False), (0.0, True), (0.2, False), (0.2, True)]
+    assert {(m.offset, m.bias, m.side) for m in study.setups} == {(-1.75, "centre", "left")}
     assert (study.reading.smooth, study.prove) == (2.0, True)
 
 
@@ -96,7 +96,7 @@ def test_roads_biases_and_code_lie_beside_the_study_that_names_them(folder: Path
     (folder / "mine.py").write_text(OBJECTIVE, encoding="utf-8")
     monkeypatch.chdir(folder / "elsewhere")
     study = study_of(BASE | {"objectives": ["mine.py:mine"], "settings": {"bias": "bias.csv"}}, folder)
-    assert study.manners[0].bias == str(folder / "bias.csv")
+    assert study.setups[0].bias == str(folder / "bias.csv")
     assert study.objectives == (f"{folder / 'mine.py'}:mine",)
     assert read_study(folder / "study.toml").roads[0].source == str(folder / "bend.csv")
 

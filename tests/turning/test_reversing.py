@@ -17,11 +17,11 @@ from hdvplan.turning.reversing.answer import Answer, reversing
 from hdvplan.turning.reversing.blocks import Block, Outline, bodies_of
 from hdvplan.turning.reversing.half_turns import half_turn
 from hdvplan.turning.reversing.legs import driven, posed, wheels_at_stop
-from hdvplan.turning.reversing.options import PlaceOptions, Template
-from hdvplan.turning.reversing.places import place_of
+from hdvplan.turning.reversing.options import SiteOptions, Template
+from hdvplan.turning.reversing.sites import site_of
 from hdvplan.turning.reversing.words import closed_form, verdict
 from hdvplan.vehicle.body import corners_at
-from hdvplan.vehicle.jackknife import critical_angles
+from hdvplan.vehicle.kinematics import critical_angles
 from hdvplan.vehicle.load import load_vehicle, parse_vehicle
 from tests.turning.reversals import refuse, towed
 
@@ -33,7 +33,7 @@ _PLACES = st.floats(-15.0, 15.0)
 
 @pytest.fixture(scope="module")
 def dock() -> Answer:
-    return reversing(load_vehicle("tractor-semitrailer"), Template.DOCK_90, PlaceOptions(), starts=1)
+    return reversing(load_vehicle("tractor-semitrailer"), Template.DOCK_90, SiteOptions(), starts=1)
 
 
 @given(x=_PLACES, y=_PLACES, heading=_ANGLES, first=_ANGLES, opening=st.floats(0.0, 3.0), radius=_RADII)
@@ -117,15 +117,15 @@ def test_no_articulation_passes_the_one_from_which_no_steering_brings_back(dock:
 
 def test_one_move_without_swinging_out_takes_the_circles_of_front_and_tail() -> None:
     vehicle = refuse()
-    family, place = half_turn(Template.THREE_POINT, vehicle, 1), place_of(Template.THREE_POINT, PlaceOptions(), vehicle)
+    family, site = half_turn(Template.THREE_POINT, vehicle, 1), site_of(Template.THREE_POINT, SiteOptions(), vehicle)
     lead = family.strokes(np.zeros((4, 1))).lead(wheels_at_stop(vehicle), 2000)
-    reaches = place.reaches(vehicle, posed(vehicle, lead.reshape(-1, 3))).max(axis=0)
+    reaches = site.reaches(vehicle, posed(vehicle, lead.reshape(-1, 3))).max(axis=0)
     outer = 6.23 + 1.275
     assert reaches.sum() == pytest.approx(np.hypot(outer, 7.35) + np.hypot(outer, 3.85), abs=1e-4)  # 2000 poses bow out by 3e-6
 
 
 def test_a_wide_street_takes_one_move_within_the_circles() -> None:
-    found = reversing(refuse(), Template.THREE_POINT, PlaceOptions(width=19.0), starts=1)
+    found = reversing(refuse(), Template.THREE_POINT, SiteOptions(width=19.0), starts=1)
     formula = closed_form(found.vehicle, found.template, found.chosen)
     assert formula is not None
     assert (found.fits, found.chosen.legs) == (True, 1)
@@ -136,29 +136,29 @@ def test_a_point_turns_in_three_legs_in_two_thirds_of_its_radius() -> None:
     # Legs from 0 to a, a to b, b to 180 degrees: the first reaches R (1 - cos a), which is least where the second ends on the near side
     # and the third just reaches the far one: cos a = 1/3, cos b = -1/3. A body within 0.71 m of its axle adds at most twice that.
     point = parse_vehicle("[[unit]]\nwheelbase = 0.5\nwidth = 0.5\nmax_curvature = 0.01", default_name="point")
-    found = reversing(point, Template.THREE_POINT, PlaceOptions(), starts=1).chosen.manoeuvre.size
+    found = reversing(point, Template.THREE_POINT, SiteOptions(), starts=1).chosen.manoeuvre.size
     assert 200.0 / 3.0 < found < 200.0 / 3.0 + 2.0 * 0.71
 
 
 def test_no_pose_enters_what_stands_and_a_smaller_place_would_be_entered(dock: Answer) -> None:
     for size, entered in ((dock.chosen.manoeuvre.size, False), (dock.chosen.manoeuvre.size - 0.02, True)):
         manoeuvre = dock.chosen.manoeuvre
-        blocks = (*manoeuvre.place.blocks, *manoeuvre.place.closed(manoeuvre.reaches, size))
+        blocks = (*manoeuvre.site.blocks, *manoeuvre.site.closed(manoeuvre.reaches, size))
         bodies = np.concatenate([corners_at(dock.vehicle, leg.poses).reshape(-1, 4, 2) for leg in dock.chosen.manoeuvre.legs])
         swept = shapely.union_all(shapely.polygons(bodies))
         assert any(shapely.intersection(block.area(_VIEW), swept).area > 1e-6 for block in blocks) is entered
-    walls = dock.chosen.manoeuvre.place.closed(dock.chosen.manoeuvre.reaches, dock.chosen.manoeuvre.size)
+    walls = dock.chosen.manoeuvre.site.closed(dock.chosen.manoeuvre.reaches, dock.chosen.manoeuvre.size)
     assert dock.chosen.manoeuvre.room(walls).min() > -1e-9  # what bows out between poses has room, too: rounding
 
 
 def test_what_a_place_has_to_spare_lies_at_its_end() -> None:
-    place = place_of(Template.SIDE_HEAD, PlaceOptions(), refuse())
-    (tip,) = place.closed(np.array([10.0]), place.base + 10.4)
+    site = site_of(Template.SIDE_HEAD, SiteOptions(), refuse())
+    (tip,) = site.closed(np.array([10.0]), site.base + 10.4)
     assert tip.tips[0] == pytest.approx((10.4, 0.0))
 
 
 def test_the_same_question_has_the_same_answer() -> None:
-    one, other = (reversing(refuse(), Template.THREE_POINT, PlaceOptions(), starts=1) for _ in range(2))
+    one, other = (reversing(refuse(), Template.THREE_POINT, SiteOptions(), starts=1) for _ in range(2))
     assert reversal_json(one) == reversal_json(other)
 
 
@@ -166,13 +166,13 @@ def test_the_same_question_has_the_same_answer() -> None:
 @pytest.mark.parametrize(
     ("template", "options", "most"),
     [
-        (Template.THREE_POINT, PlaceOptions(), 13.9),
-        (Template.THREE_POINT, PlaceOptions(overhang=0.5), 12.9),
-        (Template.HAMMERHEAD, PlaceOptions(), 22.4),
+        (Template.THREE_POINT, SiteOptions(), 13.9),
+        (Template.THREE_POINT, SiteOptions(overhang=0.5), 12.9),
+        (Template.HAMMERHEAD, SiteOptions(), 22.4),
     ],
     ids=["walls", "kerbs", "head"],
 )
-def test_the_refuse_vehicle_turns_in_the_room_that_others_found(template: Template, options: PlaceOptions, most: float) -> None:
+def test_the_refuse_vehicle_turns_in_the_room_that_others_found(template: Template, options: SiteOptions, most: float) -> None:
     assert reversing(refuse(), template, options, starts=3).chosen.manoeuvre.size <= most
 
 
@@ -188,25 +188,25 @@ def test_an_apron_falls_with_the_spacing_of_doors_and_grows_with_the_rig() -> No
 
 
 def _apron(vehicle: str, spacing: float) -> float:
-    return reversing(load_vehicle(vehicle), Template.DOCK_90, PlaceOptions(door_spacing=spacing), starts=1).chosen.manoeuvre.size
+    return reversing(load_vehicle(vehicle), Template.DOCK_90, SiteOptions(door_spacing=spacing), starts=1).chosen.manoeuvre.size
 
 
 def test_trailers_are_refused_where_the_manoeuvre_is_not_made_for_them() -> None:
     with pytest.raises(TurnError, match="three-point is made for a vehicle without trailers; the tractor-semitrailer has 1"):
-        reversing(load_vehicle("tractor-semitrailer"), Template.THREE_POINT, PlaceOptions(), starts=1)
+        reversing(load_vehicle("tractor-semitrailer"), Template.THREE_POINT, SiteOptions(), starts=1)
     with pytest.raises(TurnError, match="at most one trailer"):
-        reversing(load_vehicle("a-double"), Template.DOCK_90, PlaceOptions(), starts=1)
+        reversing(load_vehicle("a-double"), Template.DOCK_90, SiteOptions(), starts=1)
 
 
 @pytest.mark.parametrize(
     ("template", "options", "words"),
     [
-        (Template.THREE_POINT, PlaceOptions(door_spacing=4.0), "--door-spacing means nothing for three-point"),
-        (Template.HAMMERHEAD, PlaceOptions(width=2.0), "the carriageway is 2 m wide"),
-        (Template.DOCK_90, PlaceOptions(door_spacing=2.5), "leave no room between vehicles"),
+        (Template.THREE_POINT, SiteOptions(door_spacing=4.0), "--door-spacing means nothing for three-point"),
+        (Template.HAMMERHEAD, SiteOptions(width=2.0), "the carriageway is 2 m wide"),
+        (Template.DOCK_90, SiteOptions(door_spacing=2.5), "leave no room between vehicles"),
     ],
 )
-def test_no_place_is_refused(template: Template, options: PlaceOptions, words: str) -> None:
+def test_no_place_is_refused(template: Template, options: SiteOptions, words: str) -> None:
     with pytest.raises(OptionError, match=words):
         reversing(refuse(), template, options, starts=1)
 
@@ -230,5 +230,5 @@ def test_a_dock_s_apron_is_its_straight_and_the_circle_of_the_front_corner(dock:
 
 
 def test_a_long_name_does_not_make_a_long_verdict() -> None:
-    found = reversing(replace(refuse(), name="refuse vehicle " * 8), Template.THREE_POINT, PlaceOptions(width=19.0), starts=1)
+    found = reversing(replace(refuse(), name="refuse vehicle " * 8), Template.THREE_POINT, SiteOptions(width=19.0), starts=1)
     assert len(verdict(found)) <= 100

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from ezdxf.filemanagement import readfile
 
+from hdvplan.answers import NEEDS
 from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
 from tests.turning.reversals import REFUSE
 
@@ -64,7 +65,7 @@ def test_what_does_not_fit_ends_in_1_and_says_what_does(cli: Cli, refuse_file: s
 def test_need_tells_the_least_size_in_5_cm_and_how_far_its_starts_are_apart(cli: Cli, tmp_path: Path, refuse_file: str) -> None:  # noqa: F811
     outcome = cli("need", "--template", "three-point", "--vehicle", refuse_file)
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.startswith("NEEDS ")
+    assert outcome.out.startswith(NEEDS)
     told = json.loads((tmp_path / "three-point.refuse.need" / "need.json").read_text(encoding="utf-8"))
     assert told["fits_with_m"] == pytest.approx(round(20.0 * told["fits_with_m"]) / 20.0)
     assert 0.0 <= told["fits_with_m"] - told["needed_m"] < 0.05 + 1e-6

@@ -14,7 +14,7 @@ from hdvplan.bench import PATIENCE_S, TIME_LIMIT_S
 from hdvplan.bench.comparing.checkout import checkout
 from hdvplan.bench.comparing.compare import Comparison, compare, failed
 from hdvplan.bench.comparing.counters import Tolerance
-from hdvplan.bench.comparing.decision import FEWEST, LOOKS, Rule, Verdict
+from hdvplan.bench.comparing.decision import FEWEST, LOOKS, GateVerdict, Rule
 from hdvplan.bench.comparing.environment import base_named, base_program, cache_folder, new_program
 from hdvplan.bench.comparing.processes import Scratch, Started, Turns, in_turn, scratch_folder, shared_cores
 from hdvplan.bench.comparing.programs import Home, Program, ProgramError, UnreachedError
@@ -37,6 +37,14 @@ WARM = "warm"  # of a process that does its work once before, and of the home th
 _BAD_USE = (2, 126, 127)  # exit codes: of hdvplan, and of what cannot be started
 
 
+class _SideError(Exception):
+    """The program of one side failed."""
+
+    def __init__(self, side: str, error: ProgramError) -> None:
+        super().__init__(str(error))
+        self.side, self.error = side, error
+
+
 @dataclass(frozen=True)
 class Contender:
     """A program and what it is to do."""
@@ -56,7 +64,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Told:
+class Listener:
     """Who wants to hear how a comparison goes on."""
 
     step: Callable[[str], None]  # what is being done, in words
@@ -114,7 +122,7 @@ class _Measuring:
             self.complete()
 
 
-def measure_against(base: Contender, new: Contender, settings: Settings, out: Path, scratch: Scratch, told: Told) -> Comparison:
+def measure_against(base: Contender, new: Contender, settings: Settings, out: Path, scratch: Scratch, listener: Listener) -> Comparison:
     """Return the comparison of two programs, measured into ``out``/base and ``out``/new.
 
     Both do their work once before, so that what a program compiles or loads but once is there. Then pairs of fresh processes follow, on
@@ -132,10 +140,10 @@ def measure_against(base: Contender, new: Contender, settings: Settings, out: Pa
     try:
         kinds = measuring.warm_up()
         if len(kinds) > 1:
-            told.step("a side keeps files in its home folder: it is measured with an empty one too")
+            listener.step("a side keeps files in its home folder: it is measured with an empty one too")
         for done in range(1, LOOKS[-1] + 1):
             measuring.pair(done - 1, kinds)
-            told.progress(min(done / LOOKS[1], 1.0))
+            listener.progress(min(done / LOOKS[1], 1.0))
             left = settings.patience - (monotonic() - began)
             impatient = done >= LOOKS[1] and left <= 0.0
             if done in LOOKS or impatient:
@@ -143,27 +151,32 @@ def measure_against(base: Contender, new: Contender, settings: Settings, out: Pa
                 if _is_answer(found) or impatient:
                     return found
                 if done >= LOOKS[1]:
-                    told.step(f"{verdict_line(found, settings.rule)}; measuring on, for at most {left:.0f} s")
-    except ProgramError as error:
-        if error.side == SIDES[0] and error.code in _BAD_USE and _fails_too(measuring.begun.get(SIDES[1]), new.program):
+                    listener.step(f"{verdict_line(found, settings.rule)}; measuring on, for at most {left:.0f} s")
+    except _SideError as failure:
+        side, error = failure.side, failure.error
+        if side == SIDES[0] and error.code in _BAD_USE and _fails_too(measuring.begun.get(SIDES[1]), new.program):
             raise OptionError(str(error), hint=error.hint) from error
-        return failed(error.side, str(error), error.tail)
+        return failed(side, str(error), error.tail)
     return found
 
 
 def _is_answer(found: Comparison) -> bool:
     """Tell whether more pairs would change nothing. Once there are enough to prove something, an answer may leave noise elsewhere."""
-    return found.failure is not None or found.is_settled or (found.processes >= FEWEST and found.verdict is not Verdict.UNMEASURABLE)
+    return found.failure is not None or found.is_settled or (found.processes >= FEWEST and found.verdict is not GateVerdict.UNMEASURABLE)
 
 
 @contextmanager
 def _blamed(side: str) -> Iterator[None]:
-    """Say of a program that fails in the block which side it is."""
+    """Say of a program that fails in the block which side it is.
+
+    Raises:
+        _SideError: it fails.
+
+    """
     try:
         yield
     except ProgramError as error:
-        error.side = side
-        raise
+        raise _SideError(side, error) from error
 
 
 def compared(out: Path, settings: Settings) -> Comparison:
@@ -198,7 +211,7 @@ def _clear(folder: Path) -> None:
     shutil.rmtree(folder)
 
 
-def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path, told: Told) -> Comparison:
+def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path, listener: Listener) -> Comparison:
     """Return the comparison of what ``against`` names with what is here; measured into ``out``.
 
     However it ends, also by signals, its processes and temporary files are removed. What stays is ``out``, and revisions in the user's
@@ -220,9 +233,9 @@ def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path
             if isinstance(work, Suite):
                 (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(work), work.to_dict()))))
             return _compared(
-                lambda: base_program(named, here, scratch, cache, told.step),
-                lambda: new_program(here, scratch, cache, told.step, out),
-                work, settings, out.absolute(), scratch, told,
+                lambda: base_program(named, here, scratch, cache, listener.step),
+                lambda: new_program(here, scratch, cache, listener.step, out),
+                work, settings, out.absolute(), scratch, listener,
             )  # fmt: skip
 
 
@@ -254,7 +267,7 @@ def _alone_in(out: Path) -> Iterator[None]:
 
 def _compared(
     base: Callable[[], Program], new: Callable[[], Program], work: Suite | CommandWork, settings: Settings, out: Path, scratch: Scratch,
-    told: Told,
+    listener: Listener,
 ) -> Comparison:  # fmt: skip
     """Make both programs ready, measure them into ``out`` and compare; whichever is not ready is a failure."""
     contenders: list[Contender] = []
@@ -266,8 +279,8 @@ def _compared(
             tail = error.tail if isinstance(error, ProgramError) else ""
             return failed(side, str(error), tail, blameless=isinstance(error, UnreachedError))
     old, now = contenders
-    told.step(f"base: {old.program.name}; new: {now.program.name}")
-    return measure_against(old, now, settings, out, scratch, told)
+    listener.step(f"base: {old.program.name}; new: {now.program.name}")
+    return measure_against(old, now, settings, out, scratch, listener)
 
 
 def _work(program: Program, wanted: Suite | CommandWork, scratch: Scratch, side: str) -> Work:

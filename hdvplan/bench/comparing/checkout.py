@@ -49,9 +49,9 @@ def checkout() -> Checkout | None:
     if found is None:
         return None
     lines = [] if ended is None else _text(ended.stderr).splitlines()
-    said = "git is not installed" if ended is None else (lines or ["git says nothing"])[0].removeprefix("fatal: ")
+    why = "git is not installed" if ended is None else (lines or ["git says nothing"])[0].removeprefix("fatal: ")
     advice = "install git" if ended is None else next((line for line in lines if "--add safe.directory" in line), None)
-    msg = f"the git checkout {found} cannot be read: {said}"
+    msg = f"the git checkout {found} cannot be read: {why}"
     raise OptionError(msg, hint=advice)
 
 
@@ -68,8 +68,8 @@ def export(top: Path, commit: str, source: Path, folder: Path) -> None:
         ended = _run(top, *command, variables=index)
         if ended is None or ended.returncode != 0:
             tail = "" if ended is None else _text(ended.stderr)
-            said = ([line for line in tail.splitlines() if line] or ["git says nothing"])[-1].removeprefix("fatal: ")
-            msg = f"git cannot check {commit[:9]} out into {source}: {printable(said)}"
+            why = ([line for line in tail.splitlines() if line] or ["git says nothing"])[-1].removeprefix("fatal: ")
+            msg = f"git cannot check {commit[:9]} out into {source}: {printable(why)}"
             raise ProgramError(msg, tail=tail)
 
 
@@ -104,8 +104,8 @@ def _run(top: Path | None, *arguments: str, variables: dict[str, str] | None = N
     )
 
 
-def _text(said: bytes) -> str:
-    return os.fsdecode(said).strip()
+def _text(output: bytes) -> str:
+    return os.fsdecode(output).strip()
 
 
 def _literal(path: str) -> str:

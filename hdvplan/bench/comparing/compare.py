@@ -11,7 +11,7 @@ import pandas as pd
 
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.counters import WORK_TOLERANCE, Change, Tolerance, changes_of
-from hdvplan.bench.comparing.decision import FEWEST, Decision, Pairs, Rule, Verdict, decide
+from hdvplan.bench.comparing.decision import FEWEST, Decision, GateVerdict, Pairs, Rule, decide
 from hdvplan.bench.comparing.sides import (
     COLD,
     CPU,
@@ -93,14 +93,14 @@ class Entry:
     by_cpu: bool = False  # decided by processor time, as the clock could not
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> GateVerdict:
         """The verdict on it."""
         return self.decision.verdict
 
     @property
     def is_worse(self) -> bool:
         """Whether it regressed."""
-        return self.verdict is Verdict.REGRESSED
+        return self.verdict is GateVerdict.REGRESSED
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Comparison:
 
     changes: tuple[Change, ...]
     times: tuple[Entry, ...]  # of cells
-    verdict: Verdict
+    verdict: GateVerdict
     processes: int  # pairs of processes; of one process a side the rounds are the pairs
     found: tuple[Entry, ...] = ()  # of whole processes, over all cells
     failure: Failure | None = None
@@ -129,8 +129,8 @@ class Comparison:
     def is_settled(self) -> bool:
         """Whether more pairs could change nothing: the times are fine, or something is proven to be worse."""
         entries = [*self.times, *self.found]
-        fine = all(entry.verdict is Verdict.FINE for entry in entries)
-        return fine or (self.processes >= FEWEST and self.verdict is Verdict.REGRESSED)
+        fine = all(entry.verdict is GateVerdict.FINE for entry in entries)
+        return fine or (self.processes >= FEWEST and self.verdict is GateVerdict.REGRESSED)
 
 
 def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_changes: bool) -> Comparison:
@@ -158,7 +158,7 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
     found = tuple(entries[len(cells) :])
     times = [_by_cpu(entry, found, here, base.about) for entry in entries[: len(cells)]]
     missing = [name for name in _names(base) if name in _names(new) and name not in here[0]]
-    times += [Entry(name, step, Decision(Verdict.UNMEASURABLE, 0)) for name in missing]
+    times += [Entry(name, step, Decision(GateVerdict.UNMEASURABLE, 0)) for name in missing]
     short = _short_names([change.cell for change in changes] + [entry.cell for entry in times])
     return Comparison(
         tuple(
@@ -177,7 +177,7 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
 def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame) -> Comparison:
     """Return what differs from a committed baseline, with the room that another machine's rounding needs; no times."""
     changes = tuple(changes_of(baseline, measured, Tolerance(work=WORK_TOLERANCE)))
-    return Comparison(changes, (), Verdict.REGRESSED if changes else Verdict.FINE, 1)
+    return Comparison(changes, (), GateVerdict.REGRESSED if changes else GateVerdict.FINE, 1)
 
 
 def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Comparison:
@@ -185,7 +185,7 @@ def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Co
 
     So does a ``blameless`` failure, which says nothing about the program.
     """
-    verdict = Verdict.REGRESSED if side == "new" and not blameless else Verdict.UNMEASURABLE
+    verdict = GateVerdict.REGRESSED if side == "new" and not blameless else GateVerdict.UNMEASURABLE
     return Comparison((), (), verdict, 0, (), Failure(side, message, tail))
 
 
@@ -195,12 +195,14 @@ def no_longer_planned(change: Change) -> bool:
     return lost or (change.counter == "cell" and change.new == "missing")
 
 
-def _verdict(changes: Iterable[Change], times: Sequence[Entry], found: Iterable[Entry], *, expect_changes: bool) -> Verdict:
+def _verdict(changes: Iterable[Change], times: Sequence[Entry], found: Iterable[Entry], *, expect_changes: bool) -> GateVerdict:
     counted = any(no_longer_planned(change) or not expect_changes for change in changes)
-    doubts = [entry for entry in found if entry.verdict is Verdict.UNMEASURABLE and entry.decision.pairs < FEWEST]
+    doubts = [entry for entry in found if entry.verdict is GateVerdict.UNMEASURABLE and entry.decision.pairs < FEWEST]
     if counted or any(entry.is_worse for entry in (*times, *found)):
-        return Verdict.REGRESSED
-    return Verdict.FINE if times and all(entry.verdict is Verdict.FINE for entry in times) and not doubts else Verdict.UNMEASURABLE
+        return GateVerdict.REGRESSED
+    return (
+        GateVerdict.FINE if times and all(entry.verdict is GateVerdict.FINE for entry in times) and not doubts else GateVerdict.UNMEASURABLE
+    )
 
 
 def _pairs(one: Quantity, both: Values, *, needed: bool, independent: bool) -> Pairs:
@@ -246,14 +248,14 @@ def _by_cpu(entry: Entry, found: Iterable[Entry], here: Processes, about: Sequen
     A cell takes a share of the process: its slowdown shows in that share of the processor time alone.
     """
     cpu = next((one.decision for one in found if one.quantity.times == CPU and not one.cell), None)
-    open_ = entry.verdict is Verdict.UNMEASURABLE and entry.decision.ratio <= entry.decision.counting
-    if cpu is None or not open_ or cpu.verdict is not Verdict.FINE or cpu.pairs < FEWEST or entry.cell not in here[0]:
+    open_ = entry.verdict is GateVerdict.UNMEASURABLE and entry.decision.ratio <= entry.decision.counting
+    if cpu is None or not open_ or cpu.verdict is not GateVerdict.FINE or cpu.pairs < FEWEST or entry.cell not in here[0]:
         return entry
     share = min(1.0, _mean([float(np.sum(cells[entry.cell].outside)) / one[CPU] for cells, one in zip(here, about, strict=False)]))
     hidden = 1.0 + (cpu.high - 1.0) / share
     if hidden > entry.decision.counting:
         return entry
-    return replace(entry, decision=replace(entry.decision, verdict=Verdict.FINE), by_cpu=True)
+    return replace(entry, decision=replace(entry.decision, verdict=GateVerdict.FINE), by_cpu=True)
 
 
 def _mean(values: Sequence[float]) -> float:

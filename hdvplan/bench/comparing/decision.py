@@ -37,7 +37,7 @@ _LARGEST = 2.0  # a pair counts with at most this many medians of its quantity's
 _SURE = 2.0  # standard deviations beyond the threshold: found 9 times out of 10 where the spread is estimated from ten pairs
 
 
-class Verdict(StrEnum):
+class GateVerdict(StrEnum):
     """What a comparison ends with."""
 
     FINE = "fine"
@@ -88,7 +88,7 @@ class Pairs:
 class Decision:
     """A verdict and the numbers it rests on; NaN where there is nothing to compute them from."""
 
-    verdict: Verdict
+    verdict: GateVerdict
     pairs: int
     base: float = np.nan  # of the pair with the middle ratio
     new: float = np.nan
@@ -108,7 +108,11 @@ class Decision:
     @property
     def unseen(self) -> bool:
         """Whether nothing was found, but a change that counts could hide in the noise, which prevents no answer."""
-        return not self.needed and self.verdict is not Verdict.REGRESSED and (self.ratio > self.counting or self.detectable > self.counting)
+        return (
+            not self.needed
+            and self.verdict is not GateVerdict.REGRESSED
+            and (self.ratio > self.counting or self.detectable > self.counting)
+        )
 
 
 @dataclass(frozen=True)
@@ -145,21 +149,21 @@ def _decided(one: Pairs, chance: float, detectable: float) -> Decision:
     """Decide about one quantity, whose pairs agree by ``chance``."""
     pairs = len(one.base)
     if not (are_times(one.base) and are_times(one.new)):
-        return Decision(Verdict.UNMEASURABLE, pairs, needed=one.needed)
+        return Decision(GateVerdict.UNMEASURABLE, pairs, needed=one.needed)
     ratios = one.new / one.base
     order, rank = np.argsort(ratios, kind="stable"), median_rank(pairs)
     middle = order[(pairs - 1) // 2]
     base, new, ratio = float(one.base[middle]), float(one.new[middle]), float(ratios[middle])
     counting = max(one.factor, 1.0 + one.floor / base)
     if pairs < FEWEST_PAIRS:
-        return Decision(Verdict.UNMEASURABLE, pairs, base, new, ratio, counting=counting, needed=one.needed)
+        return Decision(GateVerdict.UNMEASURABLE, pairs, base, new, ratio, counting=counting, needed=one.needed)
     low, high = float(ratios[order[rank]]), float(ratios[order[-1 - rank]])
-    verdict = Verdict.FINE
+    verdict = GateVerdict.FINE
     if ratio > counting:
         agree = chance <= level_of(pairs) if pairs >= FEWEST else one.needed and ratio > high / low
-        verdict = Verdict.REGRESSED if one.independent and agree and low > 1.0 else Verdict.UNMEASURABLE
+        verdict = GateVerdict.REGRESSED if one.independent and agree and low > 1.0 else GateVerdict.UNMEASURABLE
     elif one.needed and high > counting:
-        verdict = Verdict.UNMEASURABLE
+        verdict = GateVerdict.UNMEASURABLE
     return Decision(verdict, pairs, base, new, ratio, low, high, counting, chance, max(detectable, counting), one.needed)
 
 

@@ -22,7 +22,7 @@ from hdvplan.bench.turns import TURNS
 from hdvplan.signals import undisturbed
 
 _IMPORTED = "import time:"  # of -X importtime
-_SAID, _SPENT, _PRINTED = "said", "spent.json", "printed"
+_STDERR, _SPENT, _STDOUT = "stderr", "spent.json", "stdout"
 _LONGEST_WORDS, _TAIL_LINES = 300, 20
 _GO = b"!"
 _LOOK_S = 0.2  # how often it is looked whether a process has ended whose children still have the descriptor
@@ -52,8 +52,8 @@ class Ended:
     """How a process ended: its code as shells report it, stdout, stderr, and what it took, where known."""
 
     code: int
-    printed: str
-    said: str
+    stdout: str
+    stderr: str
     spent: Mapping[str, float] = field(default_factory=dict)  # largest memory [bytes], processor, running and start-up time [s]
     expired: bool = False  # it was ended at its time limit
 
@@ -66,14 +66,14 @@ class Ended:
     @property
     def words(self) -> str:
         """The last words on stderr in one line: an ``error:`` line, else the last."""
-        lines = [" ".join(line.split()) for line in self.said.splitlines() if line.strip()]
-        told = next((line[7:] for line in lines if line.startswith("error: ")), (lines or ["nothing"])[-1])
-        return told[:_LONGEST_WORDS]
+        lines = [" ".join(line.split()) for line in self.stderr.splitlines() if line.strip()]
+        last = next((line[7:] for line in lines if line.startswith("error: ")), (lines or ["nothing"])[-1])
+        return last[:_LONGEST_WORDS]
 
     @property
     def tail(self) -> str:
         """The end of stderr, as long as a traceback."""
-        return "\n".join(self.said.strip().splitlines()[-_TAIL_LINES:])
+        return "\n".join(self.stderr.strip().splitlines()[-_TAIL_LINES:])
 
 
 @dataclass(frozen=True)
@@ -122,14 +122,14 @@ def start(
     core = "" if turns is None or turns.core is None else str(turns.core)
     measured = [sys.executable, "-I", "-S", "-c", _BETWEEN, str(folder / _SPENT), core, *command] if posix else list(command)
     with ExitStack() as stack, undisturbed():
-        said, printed = (stack.enter_context((folder / name).open("wb")) for name in (_SAID, _PRINTED))
+        stderr, stdout = (stack.enter_context((folder / name).open("wb")) for name in (_STDERR, _STDOUT))
         ours = None
         if turns is not None and posix:
             ours, theirs = socket.socketpair()
             stack.enter_context(theirs)
             variables[TURNS] = str(theirs.fileno())
         process = subprocess.Popen(  # noqa: S603 - no shell; what runs is the caller's
-            measured, env=variables, stdin=subprocess.DEVNULL, stdout=printed, stderr=said, cwd=cwd, start_new_session=True,
+            measured, env=variables, stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, cwd=cwd, start_new_session=True,
             pass_fds=[theirs.fileno()] if ours else [],
         )  # fmt: skip
         scratch.started.append(Started(process, folder, ours, limit))
@@ -144,22 +144,22 @@ def finish(started: Started) -> Ended:
         started.expired, code = True, 128 + signal.SIGTERM
     finally:
         end(started)
-    said, printed = ((started.folder / name).read_text(encoding="utf-8", errors="replace") for name in (_SAID, _PRINTED))
-    said, imported = without_imports(said)
+    stderr, stdout = ((started.folder / name).read_text(encoding="utf-8", errors="replace") for name in (_STDERR, _STDOUT))
+    stderr, imported = without_imports(stderr)
     spent = {} if imported is None else {"import_s": imported}
     if (file := started.folder / _SPENT).is_file():
         spent |= json.loads(file.read_text(encoding="utf-8"))
     if len(started.ran) > 1:  # it took turns
         spent |= {"ran_s": sum(started.ran), "start_s": started.ran[0]}
     shutil.rmtree(started.folder, ignore_errors=True)
-    return Ended(code if code >= 0 else 128 - code, printed, said, spent, started.expired)
+    return Ended(code if code >= 0 else 128 - code, stdout, stderr, spent, started.expired)
 
 
-def without_imports(said: str) -> tuple[str, float | None]:
+def without_imports(stderr: str) -> tuple[str, float | None]:
     """Return stderr without what Python says of imports, and their time [s]; None where it says nothing."""
-    lines = said.splitlines(keepends=True)
-    told = [line for line in lines if line.startswith(_IMPORTED)]
-    times = [int(words[0]) for line in told if (words := line[len(_IMPORTED) :].split()) and words[0].isdecimal()]
+    lines = stderr.splitlines(keepends=True)
+    imports = [line for line in lines if line.startswith(_IMPORTED)]
+    times = [int(words[0]) for line in imports if (words := line[len(_IMPORTED) :].split()) and words[0].isdecimal()]
     return "".join(line for line in lines if not line.startswith(_IMPORTED)), 1e-6 * sum(times) if times else None
 
 

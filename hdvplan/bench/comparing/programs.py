@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import site
 import sys
-import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -30,7 +28,6 @@ class ProgramError(MeasurementError):
     def __init__(self, message: str, *, tail: str = "", code: int | None = None, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
         self.tail, self.code = tail, code
-        self.side = ""  # of a comparison, which who makes it tells
 
 
 class UnreachedError(ProgramError):
@@ -121,7 +118,7 @@ class Program:
         file, defaults = "", {}
         if ended.code == 0:
             with suppress(ValueError):
-                file, defaults = json.loads(ended.printed)
+                file, defaults = json.loads(ended.stdout)
         if not file:
             msg = f"{self.name} cannot be started: its hdvplan says: {ended.words}"
             raise ProgramError(msg, tail=ended.tail, code=ended.code)
@@ -139,7 +136,7 @@ def present(name: str, source: Path | None, folder: Path | None = None) -> Progr
 PYTHON = Path("Scripts/python.exe" if os.name == "nt" else "bin/python")  # in an environment
 _NO_ANSWER = re.compile(r"WARNING: Retrying|connection broken by|Could not fetch URL|ConnectionError|timed out", re.IGNORECASE)
 _NO_VERSION = re.compile(r"\(from versions: none\)|Max retries exceeded|ReadTimeoutError")
-_NOT_OURS = {"PYTHONPATH", "PIP_REQUIRE_VIRTUALENV", "VIRTUAL_ENV", "UV_PROJECT_ENVIRONMENT", "UV_PYTHON"}
+_NOT_OURS = {"PYTHONPATH", "PIP_REQUIRE_VIRTUALENV", "VIRTUAL_ENV"}
 
 
 def environment(folder: Path, scratch: Scratch) -> Path:
@@ -151,7 +148,7 @@ def environment(folder: Path, scratch: Scratch) -> Path:
     """
     ended = run([sys.executable, "-I", "-m", "venv", str(folder)], _variables(scratch), scratch)
     if ended.code != 0:
-        msg = f"no environment can be made in {folder}: {(ended.printed.strip().splitlines() or [ended.words])[-1]}"
+        msg = f"no environment can be made in {folder}: {(ended.stdout.strip().splitlines() or [ended.words])[-1]}"
         raise ProgramError(msg, tail=ended.tail)
     return folder / PYTHON
 
@@ -164,14 +161,10 @@ def install(source: Path, folder: Path, name: str, scratch: Scratch, *, again: b
         ProgramError: it cannot be installed.
 
     """
-    uv = shutil.which("uv")
-    if uv is not None and (source / "uv.lock").is_file():
-        ended = _uv_sync(uv, source, folder, scratch, again=again)
-    else:
-        python = folder / PYTHON if again else environment(folder, scratch)
-        ended = pip(python, scratch, source.as_uri(), *(("--no-deps", "--force-reinstall") if again else ()))
+    python = folder / PYTHON if again else environment(folder, scratch)
+    ended = pip(python, scratch, source.as_uri(), *(("--no-deps", "--force-reinstall") if again else ()))
     if ended.code != 0:
-        if is_unreached(ended) and _NO_VERSION.search(ended.said):  # a build that fails after a retry is the program's own failure
+        if is_unreached(ended) and _NO_VERSION.search(ended.stderr):  # a build that fails after a retry is the program's own failure
             msg = f"{name} cannot be installed: no package index answers"
             raise UnreachedError(msg, tail=ended.tail, code=ended.code)
         msg = f"{name} cannot be installed: {reason(ended)}"
@@ -186,7 +179,7 @@ def pip(python: Path, scratch: Scratch, what: str, *options: str) -> Ended:
 
 def reason(ended: Ended) -> str:
     """Return why nothing was installed: the exception of a build, else the installer's own error."""
-    lines = [" ".join(line.split()) for line in ended.said.splitlines() if line.strip()]
+    lines = [" ".join(line.split()) for line in ended.stderr.splitlines() if line.strip()]
     raised = [line for line in lines if re.match(r"\w*(?:Error|Exception)\b.*:", line) and not line.startswith("ERROR")]
     errors = [line.partition(": ")[2] for line in lines if line.lower().startswith("error: ")]
     return (raised or errors or lines or ["the installer says nothing"])[-1]
@@ -194,28 +187,7 @@ def reason(ended: Ended) -> str:
 
 def is_unreached(ended: Ended) -> bool:
     """Tell whether pip got no answer from a package index: in the end it says then, too, that there is no such version."""
-    return _NO_ANSWER.search(ended.said) is not None
-
-
-def _uv_sync(uv: str, source: Path, folder: Path, scratch: Scratch, *, again: bool) -> Ended:
-    """Have uv install what the lock file says, with the default groups, and the project as others would install it."""
-    afresh = ["--reinstall-package", _project(source)] if again else []
-    command = [uv, "sync", "--quiet", "--frozen", "--no-editable", "--no-progress", "--project", str(source), "--python", sys.executable]
-    return run([*command, *afresh], _variables(scratch) | {"UV_PROJECT_ENVIRONMENT": str(folder)}, scratch, source)
-
-
-def _project(source: Path) -> str:
-    """Return the name of a project.
-
-    Raises:
-        ProgramError: it has none.
-
-    """
-    try:
-        return str(tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["project"]["name"])
-    except (OSError, ValueError, LookupError, TypeError) as error:
-        msg = f"{source / 'pyproject.toml'} names no project: {error}"
-        raise ProgramError(msg) from error
+    return _NO_ANSWER.search(ended.stderr) is not None
 
 
 def _variables(scratch: Scratch) -> dict[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from hdvplan.bench.comparing.compare import Comparison, Entry, no_longer_planned
 from hdvplan.bench.comparing.counters import Change
-from hdvplan.bench.comparing.decision import Rule, Verdict
+from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.words import ALL_CELLS, change_words, comparison_markdown, quantity_words, verdict_line, word_of
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.fileio import json_bytes, write_atomically
@@ -72,7 +72,7 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
     """
     cases: list[tuple[str, str, str | None, str]] = []  # group, name, kind of the outcome, message
     failure = comparison.failure
-    kind = None if failure is None else "error" if comparison.verdict is Verdict.REGRESSED else "skipped"
+    kind = None if failure is None else "error" if comparison.verdict is GateVerdict.REGRESSED else "skipped"
     cases.append(("programs", "both run", kind, "" if failure is None else f"{failure.message}\n{failure.tail}"))
     cases += [
         ("counters", cell_words(cell), "failure" if _counts(changes, comparison) else None, _changed_words(changes))
@@ -97,7 +97,7 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
 
 def github_annotation(comparison: Comparison, rule: Rule) -> str:
     """Return the workflow command that makes GitHub Actions show the verdict; the step's summary has the rest."""
-    kind = {Verdict.FINE: "notice", Verdict.REGRESSED: "error", Verdict.UNMEASURABLE: "warning"}[comparison.verdict]
+    kind = {GateVerdict.FINE: "notice", GateVerdict.REGRESSED: "error", GateVerdict.UNMEASURABLE: "warning"}[comparison.verdict]
     tail = comparison.failure.tail if comparison.failure else ""
     return _command(kind, verdict_line(comparison, rule) + (f"\n{tail}" if tail else ""))
 
@@ -107,7 +107,7 @@ def refusal_annotation(message: str, hint: str | None) -> str:
     return _command("error", message + (f"\nhint: {hint}" if hint else ""))
 
 
-_KINDS = {Verdict.FINE: None, Verdict.REGRESSED: "failure", Verdict.UNMEASURABLE: "skipped"}
+_KINDS = {GateVerdict.FINE: None, GateVerdict.REGRESSED: "failure", GateVerdict.UNMEASURABLE: "skipped"}
 
 
 def _changed(comparison: Comparison) -> dict[tuple[str, ...], list[Change]]:

@@ -177,18 +177,18 @@ def _tables(folder: Path) -> list[pd.DataFrame]:
 
 def _own_side(folders: list[Path]) -> Side:
     """Return a side from what a user's command printed."""
-    told: list[dict[str, OwnSteps]] = []
+    measured: list[dict[str, OwnSteps]] = []
     for folder in folders:
         file = folder if folder.is_file() else folder / STEPS
         try:
-            told.append(steps_of(read_json(file)))
+            measured.append(steps_of(read_json(file)))
         except (OSError, ValueError) as error:
             msg = f"{file} cannot be read: {error}"
             raise OptionError(msg, hint="measure it again") from error
     processes = tuple(
-        {own_name(name): Steps(cell.steps, np.empty((0, 0)), cell.first, cell.s) for name, cell in cells.items()} for cells in told
+        {own_name(name): Steps(cell.steps, np.empty((0, 0)), cell.first, cell.s) for name, cell in cells.items()} for cells in measured
     )
-    counters = tuple({own_name(name): _counted(cell) for name, cell in cells.items()} for cells in told)
+    counters = tuple({own_name(name): _counted(cell) for name, cell in cells.items()} for cells in measured)
     return Side(pd.DataFrame(columns=KEY), processes, tuple(map(_about, folders, processes)), counters)
 
 
@@ -236,8 +236,8 @@ def _about(folder: Path, cells: Mapping[Name, Steps]) -> dict[str, float]:
     A process that takes turns has a start, until its first. Of others all that is beside the steps that they report is one.
     """
     try:
-        told = read_json(folder / ABOUT)
-        known = {name: float(told[name]) for name in (IMPORT, PEAK, CPU, START, RAN, LOAD) if told.get(name) is not None}
+        about = read_json(folder / ABOUT)
+        known = {name: float(about[name]) for name in (IMPORT, PEAK, CPU, START, RAN, LOAD) if about.get(name) is not None}
     except (OSError, OverflowError, ValueError, AttributeError, TypeError):
         return {}
     if RAN in known:

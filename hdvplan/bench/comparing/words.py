@@ -12,7 +12,7 @@ from rich.text import Text
 
 from hdvplan.bench.comparing.compare import Comparison, Entry, no_longer_planned
 from hdvplan.bench.comparing.counters import IN_STEPS, Change
-from hdvplan.bench.comparing.decision import FEWEST, FEWEST_PAIRS, Rule, Verdict
+from hdvplan.bench.comparing.decision import FEWEST, FEWEST_PAIRS, GateVerdict, Rule
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.report.grid import grid, markdown_table
 
@@ -23,8 +23,8 @@ _NUMBERS = ("base", "new", "new/base", "interval", "visible from", "verdict")
 _TIMES = (*KEY, "base [ms]", "new [ms]", *_NUMBERS[2:])
 _FOUND = (ALL_CELLS, *_NUMBERS)
 _TEXT = (*KEY, "verdict", "cell", "what", ALL_CELLS)
-_WORDS = {Verdict.FINE: "fine", Verdict.REGRESSED: "slower", Verdict.UNMEASURABLE: "unclear"}
-_MARKS = {Verdict.FINE: "fine", Verdict.REGRESSED: "worse", Verdict.UNMEASURABLE: "unclear"}
+_WORDS = {GateVerdict.FINE: "fine", GateVerdict.REGRESSED: "slower", GateVerdict.UNMEASURABLE: "unclear"}
+_MARKS = {GateVerdict.FINE: "fine", GateVerdict.REGRESSED: "worse", GateVerdict.UNMEASURABLE: "unclear"}
 _ROWS = 30  # of what is wrong; more are counted
 _UNSEEN = "could not see"
 
@@ -34,7 +34,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     if comparison.failure is not None:
         return f"{comparison.verdict}: {comparison.failure.message}"
     slower = [entry for entry in comparison.times if entry.is_worse]
-    unknown = [entry for entry in comparison.times if entry.verdict is Verdict.UNMEASURABLE]
+    unknown = [entry for entry in comparison.times if entry.verdict is GateVerdict.UNMEASURABLE]
     cells = len(comparison.times)
     parts = _changed_parts(comparison.changes)
     if slower:
@@ -42,7 +42,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     worse = sorted((one for one in comparison.found if one.is_worse), key=lambda one: -one.decision.ratio)
     parts += [f"{quantity_words(one)} {one.decision.ratio:.2f} times as {'much' if one.quantity.unit == 'MB' else 'long'}" for one in worse]
     most = max((entry.decision.pairs for entry in comparison.times), default=FEWEST_PAIRS)
-    unsure = [quantity_words(one) for one in comparison.found if one.verdict is Verdict.UNMEASURABLE and one.decision.pairs < FEWEST]
+    unsure = [quantity_words(one) for one in comparison.found if one.verdict is GateVerdict.UNMEASURABLE and one.decision.pairs < FEWEST]
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
     elif unknown and comparison.processes == 1 and (longer := [one for one in unknown if one.decision.ratio > one.decision.counting]):
@@ -56,7 +56,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     if cells and not slower and not unknown:
         parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}")
     unseen = [quantity_words(one) for one in comparison.found if one.decision.unseen and quantity_words(one) not in unsure]
-    if unseen and comparison.verdict is not Verdict.REGRESSED:
+    if unseen and comparison.verdict is not GateVerdict.REGRESSED:
         parts.append(f"could not see a change of {', '.join(unseen)}")
     return f"{comparison.verdict}: {'; '.join(parts) or 'no counter changed'}"
 
@@ -114,7 +114,7 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
         parts.append("\n".join(f"    {line}" for line in comparison.failure.tail.splitlines()))
     if wrong := wrong_rows(comparison):
         parts += ["What changed, the worst first:", _markdown(_WRONG, wrong)]
-    if again and comparison.verdict is not Verdict.FINE:
+    if again and comparison.verdict is not GateVerdict.FINE:
         parts.append(f"    {again}")
     if comparison.times:
         parts += ["Mean planning step:", _markdown(_TIMES, _rows(comparison.times))]

@@ -72,19 +72,19 @@ class CommandWork:
     def keep(self, ended: Ended, out: Path) -> None:
         """See ``Work``."""
         try:
-            written = (out / _WRITTEN).read_text(encoding="utf-8") if any(_FILE in word for word in self.words) else ended.printed
+            written = (out / _WRITTEN).read_text(encoding="utf-8") if any(_FILE in word for word in self.words) else ended.stdout
         except (OSError, ValueError):
             written = ""
         lines = written.strip().splitlines()
         try:
-            told = json.loads(lines[-1] if lines[-1].lstrip().startswith("{") else written, parse_constant=_refused)
-            steps_of(told)
+            report = json.loads(lines[-1] if lines[-1].lstrip().startswith("{") else written, parse_constant=_refused)
+            steps_of(report)
         except (ValueError, IndexError, RecursionError) as error:
             reason = str(error) if lines and lines[-1].lstrip().startswith("{") else f"its last line is {(lines or ['nothing'])[-1][:80]!r}"
             msg = f"{self.words[0]} prints no planning times: {reason}"
             raise ProgramError(msg, tail="\n".join(lines[-5:]), hint=_HINT) from error
         out.mkdir(parents=True, exist_ok=True)
-        write_atomically(out / STEPS, json_bytes(told))
+        write_atomically(out / STEPS, json_bytes(report))
         (out / _WRITTEN).unlink(missing_ok=True)
 
 
@@ -107,7 +107,7 @@ def _refused(name: str) -> None:
     raise ValueError(msg)
 
 
-def steps_of(told: object) -> dict[str, OwnSteps]:
+def steps_of(report: object) -> dict[str, OwnSteps]:
     """Return the cells of the protocol: ``{"cells": {NAME: {"steps_s": [...] or [[...], ...], "first_s", "s_m", "counters"}}}``.
 
     A cell that is a list is its ``steps_s``; one list is one round. A report of pytest-benchmark has a cell of one step for each benchmark.
@@ -116,19 +116,19 @@ def steps_of(told: object) -> dict[str, OwnSteps]:
         ValueError: anything else.
 
     """
-    if isinstance(told, dict) and isinstance(told.get("benchmarks"), list):
-        told = {"cells": dict(map(_benchmark, told["benchmarks"]))}
-    cells = told.get("cells") if isinstance(told, dict) else None
+    if isinstance(report, dict) and isinstance(report.get("benchmarks"), list):
+        report = {"cells": dict(map(_benchmark, report["benchmarks"]))}
+    cells = report.get("cells") if isinstance(report, dict) else None
     if not isinstance(cells, dict) or not cells:
         msg = "there are no cells"
         raise ValueError(msg)
     return {str(name): _cell(str(name), cell if isinstance(cell, dict) else {"steps_s": cell}) for name, cell in cells.items()}
 
 
-def _benchmark(told: object) -> tuple[str, list[list[object]]]:
+def _benchmark(report: object) -> tuple[str, list[list[object]]]:
     """Return the name and the rounds [s] of a benchmark of pytest-benchmark, as ``--benchmark-json`` writes it."""
     try:
-        return str(told["fullname"]), [[time] for time in told["stats"]["data"]]  # type: ignore[index] # told below
+        return str(report["fullname"]), [[time] for time in report["stats"]["data"]]  # type: ignore[index] # refused below
     except (LookupError, TypeError) as error:
         msg = "a benchmark has no fullname and stats.data"
         raise ValueError(msg) from error

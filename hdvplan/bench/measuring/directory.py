@@ -24,7 +24,7 @@ from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, load_average, machine_facts, software
-from hdvplan.plugins import digest_of, said
+from hdvplan.plugins import digest_of, error_text
 from hdvplan.record import NAME, command, now
 from hdvplan.texts import encoded
 
@@ -76,9 +76,9 @@ def begin(suite: Suite, cases: Iterable[Case], directory: Path, record: Json | N
     """
     session = {"started": now(), "command": command(), "one_thread": one_thread, "load_average": load_average()}
     earlier = record["sessions"] if record else []
-    told = [case.brief() for case in cases]
+    briefs = [case.brief() for case in cases]
     found = {"tolerances": record["tolerances"]} if record and "tolerances" in record else {}
-    opened = _conditions(suite) | found | {"cases": told, "commit": commit(), "sessions": [*earlier, session], "finished": None}
+    opened = _conditions(suite) | found | {"cases": briefs, "commit": commit(), "sessions": [*earlier, session], "finished": None}
     directory.mkdir(parents=True, exist_ok=True)
     if record is None:
         _remove_parts(directory)  # nothing says what they were measured with
@@ -169,7 +169,7 @@ def damage_told(directory: Path) -> Iterator[None]:
     try:
         yield
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        msg = f"the run in {directory} cannot be shown: {said(error)}"
+        msg = f"the run in {directory} cannot be shown: {error_text(error)}"
         raise OptionError(msg, hint="a file of it is damaged: measure again with --fresh") from error
 
 

@@ -29,9 +29,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.measuring.acceptance import scale_of
 from hdvplan.bench.measuring.courses import cases_of
 from hdvplan.bench.measuring.recording import ACTIVE, Recorded, record
+from hdvplan.bench.measuring.referee import scale_of
 from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
@@ -91,12 +91,12 @@ def export(cases: Sequence[Case], directory: Path, form: str = "qpbenchmark", mo
         found = [_Solved(f"{name}.{at:04d}", one, _exact(one.qp)) for at, one in enumerate(record(case, most))]
         FORMATS[form](directory, name, found)
         settings = {"horizon_m": case.settings.horizon, "step_m": case.settings.step, "scheme": str(case.settings.scheme)}
-        told = {"name": name, "road": case.road.name, "vehicle": case.vehicle.name} | settings
-        sequences.append(told | {"programs": [_listed(one, before) for before, one in zip([None, *found], found, strict=False)]})
+        entry = {"name": name, "road": case.road.name, "vehicle": case.vehicle.name} | settings
+        sequences.append(entry | {"programs": [_listed(one, before) for before, one in zip([None, *found], found, strict=False)]})
     manifest = {"format": form, "licence": LICENCE, "sequences": sequences}
     write_atomically(directory / "manifest.json", json_bytes(manifest))
     write_atomically(directory / "run.json", json_bytes(record_of(cases)))
-    return [str(told["name"]) for told in sequences]
+    return [str(entry["name"]) for entry in sequences]
 
 
 def _exact(qp: StageQp) -> StageSolution:
@@ -122,9 +122,11 @@ def _listed(one: _Solved, before: _Solved | None) -> dict[str, object]:
     """Return what the manifest says of a program."""
     recorded = one.recorded
     shift = 0 if before is None else recorded.first - before.recorded.first
-    told = {"name": one.name, "first": recorded.first, "number": recorded.number, "shift": shift, "limits": recorded.limits}
+    entry = {"name": one.name, "first": recorded.first, "number": recorded.number, "shift": shift, "limits": recorded.limits}
     return (
-        told | {"warm_start": recorded.guess is not None, "largest_multiplier": scale_of(one.solution)} | _broken(recorded.qp, one.solution)
+        entry
+        | {"warm_start": recorded.guess is not None, "largest_multiplier": scale_of(one.solution)}
+        | _broken(recorded.qp, one.solution)
     )
 
 
@@ -148,8 +150,8 @@ def _arrow() -> tuple[Any, Any]:
 def _dense(one: _Solved) -> dict[str, object]:
     matrices, vectors = _problem(one)
     active = np.flatnonzero(vectors["z"] > ACTIVE)
-    told = {"name": one.name, "active": active, "limits": one.recorded.limits, "first": one.recorded.first, "number": one.recorded.number}
-    return {name: matrix.toarray().ravel() for name, matrix in matrices.items()} | vectors | told
+    entry = {"name": one.name, "active": active, "limits": one.recorded.limits, "first": one.recorded.first, "number": one.recorded.number}
+    return {name: matrix.toarray().ravel() for name, matrix in matrices.items()} | vectors | entry
 
 
 def _npz(directory: Path, name: str, programs: Sequence[_Solved]) -> None:

@@ -9,9 +9,8 @@ from time import perf_counter
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.measuring.acceptance import ReferenceCheck
 from hdvplan.bench.measuring.recording import Program, nonzeros_of, replay, sampled
-from hdvplan.bench.measuring.referee import Watch
+from hdvplan.bench.measuring.referee import ReferenceCheck, Watch
 from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR, UNRECORDED

@@ -1,4 +1,4 @@
-"""The pictures of a benchmark: one page for print, or its performance profiles as TikZ code."""
+"""The picture of a benchmark: one page for print."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.bench.measuring.directory import read_record, read_table
 from hdvplan.bench.measuring.ranking import ranked_times, unit_of
-from hdvplan.bench.measuring.timing import latex_escaped
 from hdvplan.bench.suite import COURSE, KEY
 from hdvplan.bench.tables import OVER_BUDGET
 from hdvplan.fileio import write_atomically
@@ -34,7 +33,7 @@ _NAMED = 3  # roads, vehicles, ... that a title names; of more it says how many
 
 
 def draw(directory: Path, file: Path) -> None:
-    """Draw a finished run into a file of the kind that its ending says: one that Matplotlib knows, or tex or pgf for TikZ.
+    """Draw a finished run into a file of the kind that its ending says, one that Matplotlib knows.
 
     Raises:
         OptionError: the run is not finished, or damaged.
@@ -43,11 +42,7 @@ def draw(directory: Path, file: Path) -> None:
     """
     record, summary = read_record(directory), read_table(directory, "summary.csv")
     shown = pictured(read_table(directory, "samples.csv.gz"), read_table(directory, "timing.csv"), order_of(summary))
-    (title, caption), kind = captions_of(record), file.suffix.lower().removeprefix(".")
-    if kind in {"tex", "pgf"}:
-        write_atomically(file, tikz(shown, f"{title}; {caption}").encode())
-    else:
-        write_atomically(file, figure_bytes(bench_figure(shown, title, caption), kind))
+    write_atomically(file, figure_bytes(bench_figure(shown, *captions_of(record)), file.suffix.lower().removeprefix(".")))
 
 
 def bench_figure(shown: Pictured, title: str, caption: str) -> Figure:
@@ -67,23 +62,6 @@ def bench_figure(shown: Pictured, title: str, caption: str) -> Figure:
         legend = figure.legend(handles, labels, loc="outside lower left", ncols=min(5, len(labels)), title=caption, alignment="left")
         legend.get_title().set(fontsize="x-small", color=MUTED)
     return figure
-
-
-def tikz(shown: Pictured, caption: str) -> str:
-    """Return the performance profiles as a ``tikzpicture`` for pgfplots, ready to be put into a document; it needs no other file."""
-    at = _factors(shown)
-    lines = [
-        f"% {caption}",
-        r"\begin{tikzpicture}",
-        r"\begin{axis}[xmode=log, xmin=1, ymin=0, ymax=1.02, xlabel={within this factor of the fastest},",
-        rf"  ylabel={{share of {shown.unit}s}},",
-        r"  legend pos=south east, legend cell align=left, legend style={font=\footnotesize}, const plot, no markers]",
-    ]
-    for solver, ratios in shown.ratios.items():
-        points = _thinned(at, share_within(ratios, at))
-        lines += [r"\addplot coordinates {" + " ".join(f"({x:.4g},{y:.4g})" for x, y in points) + "};"]
-        lines += [r"\addlegendentry{" + latex_escaped(solver) + "}"]
-    return "\n".join([*lines, r"\end{axis}", r"\end{tikzpicture}", ""])
 
 
 def captions_of(record: Mapping[str, Any]) -> tuple[str, str]:
@@ -113,13 +91,6 @@ def _look(number: int) -> dict[str, object]:
 def _factors(shown: Pictured) -> FloatArray:
     most = max((float(ratios[np.isfinite(ratios)].max(initial=1.0)) for ratios in shown.ratios.values()), default=1.0)
     return np.geomspace(1.0, min(max(2.0, 1.2 * most), _FURTHEST), _POINTS)
-
-
-def _thinned(at: FloatArray, share: FloatArray) -> list[tuple[float, float]]:
-    """Return the points at which a staircase rises, and its last."""
-    keep = np.r_[True, np.diff(share) > 0.0]
-    keep[-1] = True
-    return list(zip(at[keep].tolist(), share[keep].tolist(), strict=True))
 
 
 def _profiles(axes: Axes, shown: Pictured) -> None:

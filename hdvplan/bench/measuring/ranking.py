@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.measuring.acceptance import TUNED
+from hdvplan.bench.measuring.referee import TUNED
 from hdvplan.bench.suite import AS_SET, GROUP, KEY
 
 SHIFT_MS = 0.1  # of the geometric mean: steps far shorter than this do not decide it

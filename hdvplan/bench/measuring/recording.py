@@ -11,8 +11,7 @@ from time import perf_counter, process_time
 import numpy as np
 
 from hdvplan.arrays import FloatArray, IntArray
-from hdvplan.bench.measuring.acceptance import proves, scale_of
-from hdvplan.bench.measuring.referee import Watch
+from hdvplan.bench.measuring.referee import Watch, proves, scale_of
 from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Measurement, ended, outcome_of
 from hdvplan.bench.tables import OK, OVER_BUDGET, UNFAIR
 from hdvplan.case import Case
@@ -209,8 +208,8 @@ def replay(
     if outcome in {OK, OVER_BUDGET} and (fault := watch.fault(len(steps))):
         return ended(UNFAIR, fault)
     table = np.array(steps).reshape(-1, len(NUMBERS))
-    told = np.array(distances).reshape(-1, len(DISTANCES)) if judged else np.empty((0, len(DISTANCES)))
-    return Measurement(table, tuple(statuses), outcome, message, nonzeros_of(recorded[0].qp.shape), None, told, first_step=1)
+    rows = np.array(distances).reshape(-1, len(DISTANCES)) if judged else np.empty((0, len(DISTANCES)))
+    return Measurement(table, tuple(statuses), outcome, message, nonzeros_of(recorded[0].qp.shape), None, rows, first_step=1)
 
 
 def nonzeros_of(shape: StageShape) -> int:
@@ -230,9 +229,9 @@ def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[lis
         "violation_m": np.nan, "aside_s": result.time_aside, "cpu_s": cpu, "binding": float(one.binding), "s_m": one.s_m,
         "outer_s": wall,
     }  # fmt: skip
-    said = str(result.status), result.reason  # the next solve writes over the point
+    words = str(result.status), result.reason  # the next solve writes over the point
     numbers["cold_s"] = np.nan if hurried else _timed(workspace, one.qp, _nothing(workspace, one.qp.shape))[1]
-    return [numbers[name] for name in NUMBERS], *said, distance
+    return [numbers[name] for name in NUMBERS], *words, distance
 
 
 def _timed(workspace: QpWorkspace, qp: StageQp, guess: StageSolution | None) -> tuple[QpResult, float, float]:

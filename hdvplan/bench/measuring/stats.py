@@ -14,9 +14,8 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.arrays import BoolArray
-from hdvplan.bench.measuring.acceptance import TUNED, WRONG_M, accepted
 from hdvplan.bench.measuring.ranking import of_group, ranked_times, ranking, shifted_mean
-from hdvplan.bench.measuring.referee import remembers
+from hdvplan.bench.measuring.referee import TUNED, WRONG_M, accepted, remembers
 from hdvplan.bench.measuring.samples import Judgement, Measurement
 from hdvplan.bench.suite import COURSE, GROUP, KEY, Cell, key_of
 from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR
@@ -137,11 +136,11 @@ def status_of(measured: Sequence[Measurement], accuracy: float | None = None, ap
         return WRONG, f"{wrong} of {len(judged)} optima lie up to {judged['distance_m'].max():.1e} m from the reference's"
     good = accepted_steps(judged, judged, accuracy)
     if not good.all():
-        bad, said = judged[~good], "are not proved optimal by their multipliers; the first: "
+        bad, words = judged[~good], "are not proved optimal by their multipliers; the first: "
         first = f"dual residual {bad['dual'].iloc[0]:.1e}, gap {bad['gap'].iloc[0]:.1e}, multipliers up to {bad['scale'].iloc[0]:.1e}"
         if accuracy is not None:
-            said, first = f"lie further than {TUNED * accuracy:g} m from the optimum; at most ", f"{bad['distance_m'].max():.1e} m"
-        return SOME_REFUSED, f"{len(bad)} of {len(judged)} steps {said}{first}"
+            words, first = f"lie further than {TUNED * accuracy:g} m from the optimum; at most ", f"{bad['distance_m'].max():.1e} m"
+        return SOME_REFUSED, f"{len(bad)} of {len(judged)} steps {words}{first}"
     return (WRONG_PATH, f"its path lies up to {apart:.1e} m from that of {REFERENCE}") if apart > another else (OK, "")
 
 

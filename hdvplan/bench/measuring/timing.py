@@ -8,8 +8,8 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from hdvplan.bench.measuring.acceptance import DUAL, PRIMAL_M
 from hdvplan.bench.measuring.ranking import Finding, Load, group_words, how_ranked, unit_of
+from hdvplan.bench.measuring.referee import DUAL, PRIMAL_M
 from hdvplan.bench.measuring.stats import Tables, reference_solver
 from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words, tuning_key
 from hdvplan.bench.tables import OK
@@ -193,9 +193,9 @@ def foot_of(
     suite: Suite, tolerances: Mapping[str, float | None], findings: Sequence[Finding], load: Load, timing: pd.DataFrame
 ) -> list[str]:
     """Return what stands below every table: what disturbed the machine or was not tuned, verdicts, settings of solvers, and failures."""
-    told = [finding.text for finding in findings]
+    texts = [finding.text for finding in findings]
     settings = [settings_words(solver, tolerances) for solver in suite.solvers]
-    return [*([load.warning] if load.warning else []), *untuned(suite, tolerances), *told, *settings, *reasons_of(timing)]
+    return [*([load.warning] if load.warning else []), *untuned(suite, tolerances), *texts, *settings, *reasons_of(timing)]
 
 
 def untuned(suite: Suite, tolerances: Mapping[str, float | None]) -> list[str]:
@@ -272,8 +272,8 @@ def settings_words(solver: str, tolerances: Mapping[str, float | None]) -> str:
 def _tuned(solver: str, tolerances: Mapping[str, float | None]) -> str:
     """Return a solver's tolerances by class of limits, in words; nothing where it runs with its own."""
     mine = {limits: tolerances[key] for limits in (AS_SET, *CLASSES) if (key := tuning_key(solver, limits)) in tolerances}
-    said = [f"{'its own' if one is None else f'{one:g}'}{'' if limits == AS_SET else f' ({limits})'}" for limits, one in mine.items()]
-    return f"at {', '.join(said)}" if any(one is not None for one in mine.values()) else ""
+    parts = [f"{'its own' if one is None else f'{one:g}'}{'' if limits == AS_SET else f' ({limits})'}" for limits, one in mine.items()]
+    return f"at {', '.join(parts)}" if any(one is not None for one in mine.values()) else ""
 
 
 def _tolerance(solver: str, tolerances: Mapping[str, float | None]) -> str:

@@ -75,6 +75,6 @@ def meets(measured: Measurement, wanted: float) -> bool:
     """
     if measured.outcome in {HUNG, CRASHED, OUT_OF_MEMORY, UNRECORDED}:
         return True
-    told = measured.distances[~np.isnan(measured.distances[:, DISTANCES.index("scale")])] if len(measured.distances) else measured.distances
-    close = told[:, DISTANCES.index("distance_m")] <= wanted  # False for NaN
+    rows = measured.distances[~np.isnan(measured.distances[:, DISTANCES.index("scale")])] if len(measured.distances) else measured.distances
+    close = rows[:, DISTANCES.index("distance_m")] <= wanted  # False for NaN
     return measured.outcome in {OK, OVER_BUDGET} and bool(close.all())

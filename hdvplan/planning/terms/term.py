@@ -20,7 +20,7 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
-from hdvplan.plugins import said
+from hdvplan.plugins import error_text
 from hdvplan.qp.program import PROGRAM, StageQp
 from hdvplan.vehicle.kinematics import POSE
 from hdvplan.vehicle.model import Vehicle
@@ -212,7 +212,7 @@ def owned_by(term: object) -> Iterator[None]:
     except Exception as error:
         if type(term).__module__.partition(".")[0] == "hdvplan":
             raise
-        msg = f"term {type(term).__qualname__} raises {said(error)}"
+        msg = f"term {type(term).__qualname__} raises {error_text(error)}"
         raise OptionError(msg) from error
 
 

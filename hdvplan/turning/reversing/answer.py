@@ -1,4 +1,4 @@
-"""A manoeuvre in its place: the one that needs the least room or the fewest legs, driven and judged."""
+"""A manoeuvre in its site: the one that needs the least room or the fewest legs, driven and judged."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from hdvplan.turning.reversing.blocks import Block
 from hdvplan.turning.reversing.docking import pull_out
 from hdvplan.turning.reversing.half_turns import half_turn
 from hdvplan.turning.reversing.legs import DrivenLeg, driven, wheels_at_stop
-from hdvplan.turning.reversing.options import PlaceOptions, Template
-from hdvplan.turning.reversing.places import Place, place_of
+from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.turning.reversing.search import half_turns_in
+from hdvplan.turning.reversing.sites import Site, site_of
 from hdvplan.vehicle.body import corners_at
 from hdvplan.vehicle.model import Vehicle
 
@@ -39,10 +39,10 @@ class Tried:
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """A driven manoeuvre: ``reaches`` are how far the ends of its place must be away, one for each; ``size`` is what it needs [m]."""
+    """A driven manoeuvre: ``reaches`` are how far the ends of its site must be away, one for each; ``size`` is what it needs [m]."""
 
     vehicle: Vehicle
-    place: Place
+    site: Site
     legs: tuple[DrivenLeg, ...]
     reaches: FloatArray
     size: float
@@ -53,31 +53,31 @@ class Manoeuvre:
         return float(np.ceil((self.size - _ROUNDING_M) / STEP_M)) * STEP_M
 
     def room(self, walls: tuple[Block, ...] = ()) -> FloatArray:
-        """Return every leg's signed room to each block of the place, and to ``walls`` at its ends, shape (legs, blocks) [m].
+        """Return every leg's signed room to each block of the site, and to ``walls`` at its ends, shape (legs, blocks) [m].
 
         No pose in between has less: what bodies bow out there is taken off.
         """
         found = []
         for leg in self.legs:
-            gaps = [self.place.gaps(self.vehicle, leg.poses)] if self.place.blocks else []
-            gaps += [self.place.gaps_to_ends(self.vehicle, leg.poses, walls)] if walls else []
+            gaps = [self.site.gaps(self.vehicle, leg.poses)] if self.site.blocks else []
+            gaps += [self.site.gaps_to_ends(self.vehicle, leg.poses, walls)] if walls else []
             found.append(np.concatenate(gaps).min(axis=(1, 2)) - bow(self.vehicle, leg))
         return np.array(found)
 
     @property
     def over_kerbs(self) -> float:
-        """How far bodies reach over the blocks of the place [m]."""
-        bodies = replace(self.place, overhang=0.0)
-        return max(0.0, -min((float(bodies.gaps(self.vehicle, leg.poses).min()) for leg in self.legs if self.place.blocks), default=0.0))
+        """How far bodies reach over the blocks of the site [m]."""
+        bodies = replace(self.site, overhang=0.0)
+        return max(0.0, -min((float(bodies.gaps(self.vehicle, leg.poses).min()) for leg in self.legs if self.site.blocks), default=0.0))
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Whether a vehicle turns round, or docks, in a place: ``chosen`` of what was tried; ``given`` is the size asked about [m]."""
+    """Whether a vehicle turns round, or docks, in a site: ``chosen`` of what was tried; ``given`` is the size asked about [m]."""
 
     template: Template
     vehicle: Vehicle
-    options: PlaceOptions
+    options: SiteOptions
     tried: tuple[Tried, ...]
     chosen: Tried
 
@@ -88,24 +88,24 @@ class Answer:
 
     @property
     def size(self) -> float:
-        """The size of the place that is drawn and judged: the given one where the manoeuvre fits, else what it needs, rounded up [m]."""
+        """The size of the site that is drawn and judged: the given one where the manoeuvre fits, else what it needs, rounded up [m]."""
         needed = self.chosen.manoeuvre.rounded
         return needed if self.given is None or not self.fits else self.given
 
     @property
     def fits(self) -> bool | None:
-        """Whether the manoeuvre fits in the given place; None where no size was given."""
+        """Whether the manoeuvre fits in the given site; None where no size was given."""
         return None if self.given is None else self.chosen.manoeuvre.size <= self.given + _ROUNDING_M
 
     @property
     def walls(self) -> tuple[Block, ...]:
-        """The walls at the ends of the place that is drawn and judged."""
-        return self.chosen.manoeuvre.place.closed(self.chosen.manoeuvre.reaches, self.size)
+        """The walls at the ends of the site that is drawn and judged."""
+        return self.chosen.manoeuvre.site.closed(self.chosen.manoeuvre.reaches, self.size)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """All blocks of that place, the walls at its ends last."""
-        return (*self.chosen.manoeuvre.place.blocks, *self.walls)
+        """All blocks of that site, the walls at its ends last."""
+        return (*self.chosen.manoeuvre.site.blocks, *self.walls)
 
     @property
     def room(self) -> FloatArray:
@@ -127,7 +127,7 @@ def bow(vehicle: Vehicle, leg: DrivenLeg) -> float:
     return float(np.hypot(change[..., 0], change[..., 1]).max() * h.max() ** 2 / 8.0)
 
 
-def reversing(vehicle: Vehicle, template: Template, options: PlaceOptions, *, starts: int, all_legs: bool = False) -> Answer:
+def reversing(vehicle: Vehicle, template: Template, options: SiteOptions, *, starts: int, all_legs: bool = False) -> Answer:
     """Return the manoeuvre of ``template`` with the fewest legs that fits in the given size or, where none is given, its least size.
 
     Half turns have three legs unless one or five are needed; ``all_legs`` tries all of these, and names the best of three. Every search is
@@ -135,20 +135,20 @@ def reversing(vehicle: Vehicle, template: Template, options: PlaceOptions, *, st
 
     Raises:
         TurnError: the vehicle has more trailers than the manoeuvre is made for.
-        OptionError: the options describe no place for it.
+        OptionError: the options describe no site for it.
 
     """
     vehicle = passive(vehicle)
     _check_trailers(vehicle, template)
-    place, size = place_of(template, options, vehicle), options.size(template)
+    site, size = site_of(template, options, vehicle), options.size(template)
     if template.docks:
-        docked = _docked(place, vehicle)
+        docked = _docked(site, vehicle)
         return Answer(template, vehicle, options, (docked,), docked)
     tried: list[Tried] = []
     errors: list[TurnError] = []
     for legs in _LEGS[template] if size is not None or all_legs else (_OWN_LEGS,):
         try:
-            tried.append(_half_turned(place, vehicle, legs, starts))
+            tried.append(_half_turned(site, vehicle, legs, starts))
         except TurnError as error:  # another number of legs may do
             errors.append(error)
             continue
@@ -169,17 +169,17 @@ def _check_trailers(vehicle: Vehicle, template: Template) -> None:
         raise TurnError(msg, hint=None if template.docks else "dock-90 and dock-45 take one trailer")
 
 
-def _half_turned(place: Place, vehicle: Vehicle, legs: int, starts: int) -> Tried:
+def _half_turned(site: Site, vehicle: Vehicle, legs: int, starts: int) -> Tried:
     """Return the best half turn of so many legs that keeps off all blocks between its poses, too.
 
     Raises:
         TurnError: none does.
 
     """
-    found, errors = half_turns_in(place, vehicle, legs, starts), list[TurnError]()
+    found, errors = half_turns_in(site, vehicle, legs, starts), list[TurnError]()
     for one in found:
         try:
-            manoeuvre = _judged(place, vehicle, _legs_of(place, vehicle, legs, one.parameters))
+            manoeuvre = _judged(site, vehicle, _legs_of(site, vehicle, legs, one.parameters))
         except TurnError as error:
             errors.append(error)
             continue
@@ -188,8 +188,8 @@ def _half_turned(place: Place, vehicle: Vehicle, legs: int, starts: int) -> Trie
     raise errors[0]
 
 
-def _legs_of(place: Place, vehicle: Vehicle, legs: int, parameters: FloatArray) -> tuple[DrivenLeg, ...]:
-    family, wheels = half_turn(place.template, vehicle, legs), wheels_at_stop(vehicle)
+def _legs_of(site: Site, vehicle: Vehicle, legs: int, parameters: FloatArray) -> tuple[DrivenLeg, ...]:
+    family, wheels = half_turn(site.template, vehicle, legs), wheels_at_stop(vehicle)
     strokes = family.strokes(parameters[:, None])
     lengths, kappas = np.abs(strokes.lengths(wheels)[0]), strokes.kappas(wheels)[0]
     backward, each = np.array(strokes.backward), len(strokes.backward) // legs
@@ -207,15 +207,15 @@ def _legs_of(place: Place, vehicle: Vehicle, legs: int, parameters: FloatArray) 
     return tuple(found)
 
 
-def _docked(place: Place, vehicle: Vehicle) -> Tried:
-    out = pull_out(vehicle, place, POSE_M)
+def _docked(site: Site, vehicle: Vehicle) -> Tried:
+    out = pull_out(vehicle, site, POSE_M)
     cusp, run = out.lead[-1], vehicle.reach_ahead + vehicle.reach_behind
     before = cusp - np.array([run * np.cos(cusp[2]), run * np.sin(cusp[2]), 0.0])
-    manoeuvre = _judged(place, vehicle, (driven(vehicle, before, [(run, 0.0)], POSE_M), out.reversed()))
+    manoeuvre = _judged(site, vehicle, (driven(vehicle, before, [(run, 0.0)], POSE_M), out.reversed()))
     return Tried(len(manoeuvre.legs), 1, (manoeuvre.size,), manoeuvre)
 
 
-def _judged(place: Place, vehicle: Vehicle, legs: tuple[DrivenLeg, ...]) -> Manoeuvre:
+def _judged(site: Site, vehicle: Vehicle, legs: tuple[DrivenLeg, ...]) -> Manoeuvre:
     """Return a manoeuvre with what it needs; what bows out between poses is added.
 
     Raises:
@@ -223,11 +223,11 @@ def _judged(place: Place, vehicle: Vehicle, legs: tuple[DrivenLeg, ...]) -> Mano
 
     """
     bowed = max(bow(vehicle, leg) for leg in legs)
-    reaches = np.concatenate([place.reaches(vehicle, leg.poses) for leg in legs]).max(axis=0) + bowed
-    manoeuvre = Manoeuvre(vehicle, place, legs, reaches, place.base + float(reaches.sum()))
-    room = manoeuvre.room().min(axis=0) if place.blocks else np.zeros(1)
+    reaches = np.concatenate([site.reaches(vehicle, leg.poses) for leg in legs]).max(axis=0) + bowed
+    manoeuvre = Manoeuvre(vehicle, site, legs, reaches, site.base + float(reaches.sum()))
+    room = manoeuvre.room().min(axis=0) if site.blocks else np.zeros(1)
     if room.min() < 0.0:
-        name, short = place.blocks[int(np.argmin(room))].name, f"{-room.min():.2f} m are lacking"
-        msg = f"no way was found for the {vehicle.name} past the {name}, whatever the {place.template.words}: {short}"
+        name, short = site.blocks[int(np.argmin(room))].name, f"{-room.min():.2f} m are lacking"
+        msg = f"no way was found for the {vehicle.name} past the {name}, whatever the {site.template.words}: {short}"
         raise TurnError(msg, hint="make what stands wider, or allow more overhang")
     return manoeuvre

@@ -1,4 +1,4 @@
-"""Convex obstacles of a place, such as walls, kerbs round a corner and rows of parked vehicles, and exact distances from bodies."""
+"""Convex obstacles of a site, such as walls, kerbs round a corner and rows of parked vehicles, and exact distances from bodies."""
 
 from __future__ import annotations
 

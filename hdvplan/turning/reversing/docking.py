@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import TurnError
 from hdvplan.turning.reversing.legs import DrivenLeg, articulated, driven, wheels_at_stop
-from hdvplan.turning.reversing.places import Place, dock_heading
+from hdvplan.turning.reversing.sites import Site, dock_heading
 from hdvplan.vehicle.model import Vehicle
 
 KEPT_M = 0.002  # from neighbours: more than bodies bow out between two poses
@@ -25,14 +25,14 @@ _FOUND_M = 1e-4
 _SCAN_M = 0.25  # between straights that are tried: a longer one may not pass what a shorter one does, along a row at an angle
 
 
-def pull_out(vehicle: Vehicle, place: Place, spacing: float) -> DrivenLeg:
+def pull_out(vehicle: Vehicle, site: Site, spacing: float) -> DrivenLeg:
     """Return the forward drive out of a dock with the shortest straight that passes its neighbours; poses ``spacing`` apart [m].
 
     Raises:
         TurnError: none was found, however far the vehicle drives straight out, or its trailer folds up.
 
     """
-    heading, most = dock_heading(place.template), 2.0 * (vehicle.reach_ahead + vehicle.reach_behind)
+    heading, most = dock_heading(site.template), 2.0 * (vehicle.reach_ahead + vehicle.reach_behind)
     door = np.array([vehicle.reach_behind * np.cos(heading), vehicle.reach_behind * np.sin(heading), heading])
     arcs = _arcs(vehicle, np.pi - heading)
 
@@ -40,7 +40,7 @@ def pull_out(vehicle: Vehicle, place: Place, spacing: float) -> DrivenLeg:
         return driven(vehicle, door, ((straight, 0.0), *arcs), spacing)
 
     def spare(straight: float) -> float:
-        return float(place.gaps(vehicle, out(straight).poses).min()) - KEPT_M
+        return float(site.gaps(vehicle, out(straight).poses).min()) - KEPT_M
 
     if np.abs(out(0.0).beta).max(initial=0.0) >= _FOLDED_RAD:
         msg = f"the {vehicle.name} would push its trailer backwards at full lock"

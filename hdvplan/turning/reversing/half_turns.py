@@ -47,7 +47,7 @@ class HalfTurn:
 
 
 def half_turn(template: Template, vehicle: Vehicle, legs: int) -> HalfTurn:
-    """Return the family of half turns of one, three or five ``legs`` in a place."""
+    """Return the family of half turns of one, three or five ``legs`` in a site."""
     length = vehicle.reach_ahead + vehicle.reach_behind
     begin, end = [(-_SWING_RAD, 0.0), (0.0, length)], [(0.0, length), (-_SWING_RAD, 0.0)]
     between = [(-_SWING_RAD, _MOST_RAD), (0.0, 1.5 * length), (-_SWING_RAD, _MOST_RAD)]

@@ -1,4 +1,4 @@
-"""Which manoeuvres of forward and backward legs there are, and the place of one, as options describe it. Light: ``--help`` reads it."""
+"""Which manoeuvres of forward and backward legs there are, and the site of one, as options describe it. Light: ``--help`` reads it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LARGEST_M = 200.0
 
 
 class Template(StrEnum):
-    """A manoeuvre in its place."""
+    """A manoeuvre in its site."""
 
     THREE_POINT = "three-point"
     HAMMERHEAD = "hammerhead"
@@ -28,7 +28,7 @@ class Template(StrEnum):
 
     @property
     def sought(self) -> str:
-        """The option that says how large the place is."""
+        """The option that says how large the site is."""
         return _ABOUT[self].sought
 
     @property
@@ -67,11 +67,11 @@ _ABOUT = {
 
 
 @dataclass(frozen=True)
-class PlaceOptions:
-    """A place, as options describe it [m].
+class SiteOptions:
+    """A site, as options describe it [m].
 
     Raises:
-        OptionError: a length that is not positive, or longer than any place.
+        OptionError: a length that is not positive, or longer than any site.
 
     """
 
@@ -88,21 +88,21 @@ class PlaceOptions:
     overhang: Annotated[float | None, Setting("How far bodies may reach over kerbs [m; three-point 0, heads 1].", "M", least=0.0)] = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no place."""
+        """Refuse what is no site."""
         check(self)
         for field in fields(self):
             value = getattr(self, field.name)
             if value is not None and value > _LARGEST_M:
-                msg = f"{field.name} = {value:g} m is more than any place has; at most {_LARGEST_M:g} m"
+                msg = f"{field.name} = {value:g} m is more than any site has; at most {_LARGEST_M:g} m"
                 raise OptionError(msg, hint="lengths are in metres")
 
     def size(self, template: Template) -> float | None:
-        """Return the size of the place that is given, None where it is sought [m]."""
+        """Return the size of the site that is given, None where it is sought [m]."""
         size: float | None = getattr(self, template.sought)
         return size
 
     def refuse_all(self) -> None:
-        """Refuse a place for a manoeuvre that has none.
+        """Refuse a site for a manoeuvre that has none.
 
         Raises:
             OptionError: an option is given.

@@ -1,4 +1,4 @@
-"""The smallest place that a family of manoeuvres was found to fit in: several starts of a global search, each polished locally.
+"""The smallest site that a family of manoeuvres was found to fit in: several starts of a global search, each polished locally.
 
 What is found is room that suffices. Less may suffice, too: no search of this kind shows that nothing else fits.
 """
@@ -15,11 +15,11 @@ from scipy.optimize import Bounds, differential_evolution, minimize
 from hdvplan.arrays import FloatArray
 from hdvplan.turning.reversing.half_turns import half_turn
 from hdvplan.turning.reversing.legs import posed, wheels_at_stop
-from hdvplan.turning.reversing.places import Place
+from hdvplan.turning.reversing.sites import Site
 from hdvplan.vehicle.model import Vehicle
 
 KEPT_M = 0.003  # from blocks that stand: more than bodies bow out between the poses of a polished manoeuvre
-_PRICE = 500.0  # metres of a place's size for a metre within a block: none is worth entering it
+_PRICE = 500.0  # metres of a site's size for a metre within a block: none is worth entering it
 _PARTS, _FINER, _FINEST = 8, 48, 500  # of a piece: a quarter turn then bows out by 0.5, 0.013 and 0.0001 % of its radius
 _ENTERED_M = 0.002  # of that, which a polished manoeuvre may take: rounding, and poses that were not looked at
 _DRAWN = 40  # at random, times the square of the parameters' number, of which the best begin the search
@@ -36,7 +36,7 @@ Cost = Callable[[FloatArray], FloatArray]  # of parameters (n, candidates), a si
 
 @dataclass(frozen=True)
 class Found:
-    """What one start led to: parameters (n,), the size of the place, and by how much blocks that stand are entered [m]."""
+    """What one start led to: parameters (n,), the size of the site, and by how much blocks that stand are entered [m]."""
 
     parameters: FloatArray
     size: float
@@ -75,13 +75,13 @@ class Measured:
         return Found(parameters, base + float(self.size[0]), float(self.entered[0]))
 
 
-def half_turns_in(place: Place, vehicle: Vehicle, legs: int, starts: int) -> tuple[Found, ...]:
+def half_turns_in(site: Site, vehicle: Vehicle, legs: int, starts: int) -> tuple[Found, ...]:
     """Return what ``starts`` searches for a half turn of so many ``legs`` found, the smallest first."""
-    family, wheels = half_turn(place.template, vehicle, legs), wheels_at_stop(vehicle)
+    family, wheels = half_turn(site.template, vehicle, legs), wheels_at_stop(vehicle)
 
     def measured(parameters: FloatArray, parts: int) -> Measured:
         lead = family.strokes(parameters).lead(wheels, parts)
-        return _measured(place, vehicle, lead.reshape(len(lead), -1, 3))
+        return _measured(site, vehicle, lead.reshape(len(lead), -1, 3))
 
     def cost(parameters: FloatArray) -> FloatArray:
         return measured(parameters, _PARTS).cost
@@ -90,15 +90,15 @@ def half_turns_in(place: Place, vehicle: Vehicle, legs: int, starts: int) -> tup
     for seed in range(starts):
         rough = _global(cost, family.low, family.high, seed)
         smooth = _polished(partial(measured, parts=_FINER), rough, family.low, family.high, _FINER + 1)
-        found.append(measured(smooth[:, None], _FINEST).found(smooth, place.base))
+        found.append(measured(smooth[:, None], _FINEST).found(smooth, site.base))
     return tuple(sorted(found, key=lambda one: (not one.kept, one.size if one.kept else one.entered)))
 
 
-def _measured(place: Place, vehicle: Vehicle, lead: FloatArray) -> Measured:
+def _measured(site: Site, vehicle: Vehicle, lead: FloatArray) -> Measured:
     poses = posed(vehicle, lead)
-    if not place.blocks:
-        return Measured(place.reaches(vehicle, poses), np.full(lead.shape[:2], np.inf))
-    return Measured(place.reaches(vehicle, poses), place.gaps(vehicle, poses, KEPT_M).min(axis=(0, 3)))
+    if not site.blocks:
+        return Measured(site.reaches(vehicle, poses), np.full(lead.shape[:2], np.inf))
+    return Measured(site.reaches(vehicle, poses), site.gaps(vehicle, poses, KEPT_M).min(axis=(0, 3)))
 
 
 def _global(cost: Cost, low: FloatArray, high: FloatArray, seed: int) -> FloatArray:

@@ -1,26 +1,26 @@
-"""What is said of a manoeuvre in its place."""
+"""What is said of a manoeuvre in its site."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from hdvplan.answers import LINE, NEEDS, NO, YES, room_text, worded
 from hdvplan.turning.reversing.answer import Answer, Tried
 from hdvplan.turning.reversing.options import Template
 from hdvplan.vehicle.model import Vehicle
 
 _TOLD_M = 0.01
-_LONGEST = 100  # characters of a verdict
 
 
 def verdict(answer: Answer) -> str:
-    """Return one line of at most 100 characters: whether the manoeuvre fits, or what room it needs."""
+    """Return one line of at most ``LINE`` characters: whether the manoeuvre fits, or what room it needs."""
     chosen, size = answer.chosen, f"{answer.size:.2f} m of {answer.template.words}"
     if answer.given is None:
-        return _with_name(f"NEEDS {size}: {{}} {_does(answer)} in {_legs(chosen)}", answer.vehicle)
+        return _with_name(worded(NEEDS, f"{size}: {{}} {_does(answer)} in {_legs(chosen)}"), answer.vehicle)
     if answer.fits:
-        spare = answer.given - chosen.manoeuvre.size
-        return _with_name(f"YES: {{}} {_does(answer)} in {_legs(chosen)} in {size}, {max(spare, 0.0):.2f} m to spare", answer.vehicle)
-    return _with_name(f"NO: no way was found for {{}} in {_given(answer)}; {size} do, in {_legs(chosen)}", answer.vehicle)
+        spare = room_text(answer.given - chosen.manoeuvre.size, fits=True)
+        return _with_name(worded(YES, f"{{}} {_does(answer)} in {_legs(chosen)} in {size}, {spare}"), answer.vehicle)
+    return _with_name(worded(NO, f"no way was found for {{}} in {_given(answer)}; {size} do, in {_legs(chosen)}"), answer.vehicle)
 
 
 def details(answer: Answer) -> str:
@@ -28,8 +28,8 @@ def details(answer: Answer) -> str:
     chosen, sizes = answer.chosen, answer.chosen.sizes
     if answer.template.docks:
         formula = closed_form(answer.vehicle, answer.template, chosen)
-        told = "" if formula is None else f", {formula:.2f} m by formula"
-        out = f"out, it drives {straight_out(chosen):.2f} m straight to pass its neighbours, then turns at full lock{told}"
+        formula_text = "" if formula is None else f", {formula:.2f} m by formula"
+        out = f"out, it drives {straight_out(chosen):.2f} m straight to pass its neighbours, then turns at full lock{formula_text}"
         return f"{out}; less may do where it swings out: nothing is proved impossible"
     which = "which found" if len(sizes) == chosen.starts else f"{len(sizes)} of which found a way, in"
     over = chosen.manoeuvre.over_kerbs
@@ -83,4 +83,4 @@ def _legs(tried: Tried) -> str:
 
 def _with_name(text: str, vehicle: Vehicle) -> str:
     named = text.format(f"the {vehicle.name}")
-    return named if len(named) <= _LONGEST else text.format("the vehicle")
+    return named if len(named) <= LINE else text.format("the vehicle")

@@ -1,6 +1,6 @@
-"""The places in which manoeuvres are driven: a street, turning heads, docks.
+"""The sites in which manoeuvres are driven: a street, turning heads, docks.
 
-Every place is a set of blocks that stand, and of ends that are moved until the place is as small as the manoeuvre allows. All turns are to
+Every site is a set of blocks that stand, and of ends that are moved until the site is as small as the manoeuvre allows. All turns are to
 the left; where one drives on the left, it is the mirror image.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import OptionError
 from hdvplan.turning.reversing.blocks import Block, bodies_of, reach, wall, wheels_of
-from hdvplan.turning.reversing.options import PlaceOptions, Template
+from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.vehicle.model import Vehicle
 
 _CARRIAGEWAY_M, _KERB_RADIUS_M = 4.8, 6.0  # of a turning head, where not given
@@ -23,8 +23,8 @@ _NEIGHBOURS = 12  # parked on the side to which the vehicle turns: beyond them i
 
 
 @dataclass(frozen=True)
-class Place:
-    """A place whose ends are yet to be found.
+class Site:
+    """A site whose ends are yet to be found.
 
     ``ends`` are names and directions [rad] in which it is to be small; its size is ``base`` and how far the vehicle reaches in all of
     these. Wheels stay off all ``blocks``; bodies may reach over them by ``overhang``, and beyond ends by ``beyond_ends`` [m].
@@ -69,17 +69,17 @@ def _gap(block: Block, vehicle: Vehicle, poses: Records, overhang: float, enough
     return np.minimum(wheels, block.eroded(overhang).gaps(poses, bodies_of(vehicle), enough))
 
 
-def place_of(template: Template, options: PlaceOptions, vehicle: Vehicle) -> Place:
-    """Return the place of a template.
+def site_of(template: Template, options: SiteOptions, vehicle: Vehicle) -> Site:
+    """Return the site of a template.
 
     Raises:
-        OptionError: an option that means nothing for it, or a place in which the vehicle does not even stand.
+        OptionError: an option that means nothing for it, or a site in which the vehicle does not even stand.
 
     """
     options.check_heeded(template)
     if template is Template.THREE_POINT:
         sides = (("far side", 0.5 * np.pi), ("near side", -0.5 * np.pi))
-        return Place(template, (), sides, beyond_ends=options.overhang or 0.0)
+        return Site(template, (), sides, beyond_ends=options.overhang or 0.0)
     if template.docks:
         return _docks(template, _DOOR_SPACING_M if options.door_spacing is None else options.door_spacing, vehicle)
     width = _CARRIAGEWAY_M if options.width is None else options.width
@@ -92,11 +92,11 @@ def place_of(template: Template, options: PlaceOptions, vehicle: Vehicle) -> Pla
     if template is Template.HAMMERHEAD:
         left = _corner("left kerb", (-0.5 * width, 0.0), 0.0, radius)
         tips = (("left tip", np.pi), ("right tip", 0.0))
-        return Place(template, (left, right, wall("far kerb", 0.5 * np.pi, width)), tips, overhang=overhang)
+        return Site(template, (left, right, wall("far kerb", 0.5 * np.pi, width)), tips, overhang=overhang)
     beyond = () if options.beyond is None else (wall("end of the road", 0.5 * np.pi, width + options.beyond),)
     ahead = _corner("kerb beyond the arm", (0.5 * width, width), np.pi, radius)
     blocks = (wall("left kerb", np.pi, 0.5 * width), right, ahead, *beyond)
-    return Place(template, blocks, (("tip of the arm", 0.0),), -0.5 * width, overhang)
+    return Site(template, blocks, (("tip of the arm", 0.0),), -0.5 * width, overhang)
 
 
 def _corner(name: str, tip: tuple[float, float], first: float, radius: float) -> Block:
@@ -112,7 +112,7 @@ def dock_heading(template: Template) -> float:
     return 0.5 * np.pi if template is Template.DOCK_90 else 0.75 * np.pi
 
 
-def _docks(template: Template, spacing: float, vehicle: Vehicle) -> Place:
+def _docks(template: Template, spacing: float, vehicle: Vehicle) -> Site:
     """Return the neighbours at a dock whose door lies at the origin, each as far along and across the axis as its door is."""
     if spacing <= vehicle.width:
         msg = f"doors {spacing:g} m apart leave no room between vehicles of {vehicle.width:g} m"
@@ -132,4 +132,4 @@ def _docks(template: Template, spacing: float, vehicle: Vehicle) -> Place:
     if template is Template.DOCK_90:
         right = Block("right neighbour", corners[1:], heading, heading + 0.5 * np.pi)
     door = [Block("wall beside the door", (at(step, 0.5 * spacing),), towards, heading)] if template is Template.DOCK_45 else []
-    return Place(template, (*left, right, *door), (("other side of the yard", 0.5 * np.pi),))
+    return Site(template, (*left, right, *door), (("other side of the yard", 0.5 * np.pi),))
