@@ -7,7 +7,7 @@ FROM python:3.12-slim
 COPY pyproject.toml hatch_build.py README.md LICENSE /src/
 COPY hdvplan /src/hdvplan
 COPY roads /src/roads
-RUN pip install --no-cache-dir /src && rm -r /src
+RUN pip install --no-cache-dir "/src[study]" && rm -r /src
 
 USER 65534:65534
 WORKDIR /work

@@ -120,7 +120,7 @@ def exact_nlp(
     z, held, kappa, aux_feet, feet = taken_apart(x[np.argsort(order).tolist()], variables)
 
     k, between = points["curvature"][:stages], points["curvature_between"][:stages]
-    reached = _advance(vehicle, settings.step).map(stages)(z[:, :-1], kappa, ca.DM(k).T, ca.DM(between).T)
+    reached = advance(vehicle, settings.step).map(stages)(z[:, :-1], kappa, ca.DM(k).T, ca.DM(between).T)
     placed = _placement(vehicle, axle, edges).map(stages)(
         z[:, 1:], ca.DM(np.stack([points[name][ahead] for name in ("x", "y", "cos", "sin")]))
     )
@@ -227,7 +227,7 @@ def _casadi_spline(spline: BSpline, s: ca.MX) -> ca.MX:
     return ca.bspline(s, ca.DM(coefficients.ravel()), [spline.t.tolist()], [spline.k], 2, {"lookup_mode": ["binary"]})
 
 
-def _advance(vehicle: Vehicle, step: float) -> ca.Function:
+def advance(vehicle: Vehicle, step: float) -> ca.Function:
     """Return (z, kappa, curvature here, curvature between) -> the state one station ahead by the explicit midpoint rule."""
     z, kappa, k, between = ca.SX.sym("z", vehicle.states), ca.SX.sym("kappa"), ca.SX.sym("k"), ca.SX.sym("between")
     middle = z + 0.5 * step * _derivative(vehicle, z, kappa, k)

@@ -83,13 +83,13 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress, *, quiet: bool)
 def _print(studies: list[Study], out: Path) -> None:
     """Print a study's table; of several the headline rows."""
     from hdvplan.report.grid import grid
-    from hdvplan.reproduce.study import shown, summary_of
+    from hdvplan.reproduce.study import counted, shown, summary_of
 
     several = len(studies) > 1
     table = shown(summary_of(studies) if several else studies[0].table())
     title = "published and reproduced" if several else f"{studies[0].title} ({studies[0].source})"
     table["quantity"] += [f" [{unit}]" if unit else "" for unit in table["unit"]]
-    columns = [*(["study"] if several else []), "quantity", "published", "ours", "difference"]
+    columns = [*(["study"] if several else []), "quantity", "published", "ours", "difference", "status"]
     rows = table[columns].itertuples(index=False, name=None)
-    caption = f"written to {out}/; {'NAME' if several else studies[0].name}.md has the remarks"
-    print_tables(grid(title, columns, rows, text=("study", "quantity"), caption=caption))
+    caption = f"{counted(table)}; written to {out}/; {'NAME' if several else studies[0].name}.md has the remarks"
+    print_tables(grid(title, columns, rows, text=("study", "quantity", "status"), caption=caption))

@@ -32,7 +32,7 @@ _LEFT = "a curvature of 0.058 instead of 0.060 1/m gives 2.44 m; their 3 cm betw
 _CURVATURE, _RAMP_M, _LANE_M = 0.045, 12.0, 3.5
 _SWEEPABLE_M = 8.0  # of road in all that overhangs may use: more than they can
 _BEND = f"their road is not published; ours: a right angle at up to {_CURVATURE:g} 1/m, a lane of {_LANE_M:g} m"
-_ORDER = "the order is what can be compared"
+_ORDER = "their road is not published: the order is what can be compared"
 
 _KEPT = "the bus U-turn with limits at +-3 m; ours is what sampling between stations needs. The method before [BUS] kept 0.51 m"
 WORDS = ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost")

@@ -15,7 +15,7 @@ from hdvplan.errors import TurnError
 from hdvplan.report.manoeuvre_plots import turns_figure
 from hdvplan.report.turns import turn_json
 from hdvplan.reproduce import published
-from hdvplan.reproduce.study import Progress, Row, Study
+from hdvplan.reproduce.study import NOT_EXPLAINED, Progress, Row, Study
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.manoeuvre import Manoeuvre
 from hdvplan.turning.swept import chart_of, places
@@ -28,7 +28,6 @@ _INNER_M, _OUTER_M = 5.30, 12.50
 _CORNER_M = 2.04  # from the kingpin to the furthest front corner of a semitrailer
 _DRAWN = ("P", "CITY-BUS", "WB-40", "WB-62")
 
-_UNEXPLAINED = "not explained"
 _SECOND_HAND = ("SU-30", "SU-40", "S-BUS-36")  # whose outer radius was read in a vehicle library, not in the manual
 _CORNER = "not reproduced: with a square front the corner runs here; a cab with rounded or cut corners is the likely cause"
 _ANGLE = "not reproduced, though the inside radius is, and both follow from the same wheelbases; not explained"
@@ -105,7 +104,7 @@ def _outside(name: str, found: Turn) -> Row:
         f"between ours where the wheels are turned most and at the begin of the arc, {begin:.2f} m: how fast AASHTO's turn was not read"
     )
     row = Row(f"{name}: outside radius, front wheel", "m", value, ours)
-    remark = (between if ours <= value.value <= begin else _UNEXPLAINED) if row.differs else ""
+    remark = (between if ours <= value.value <= begin else NOT_EXPLAINED) if row.differs else ""
     return replace(
         row, remark="; ".join([*(["published value second hand"] if name in _SECOND_HAND else []), *([remark] if remark else [])])
     )

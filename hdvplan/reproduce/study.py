@@ -18,7 +18,9 @@ from hdvplan.report.style import DPI
 from hdvplan.reproduce.published import Number
 
 Progress = Callable[[float], None]
-WORDS = ("study", "quantity", "unit", "remark")  # the columns of tables that hold no numbers
+WORDS = ("study", "quantity", "unit", "status", "remark")  # the columns of tables that hold no numbers
+STATUSES = ("reproduced", "explained", "open")
+NOT_EXPLAINED = "not explained"  # in a remark
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,15 @@ class Row:
         """Whether the difference is more than reading error."""
         return self.published is not None and not abs(self.ours - self.published.value) <= self.published.reading_error
 
+    @property
+    def status(self) -> str:
+        """One of ``STATUSES``; nothing where nothing is published."""
+        if self.published is None:
+            return ""
+        if not self.differs:
+            return "reproduced"
+        return "open" if NOT_EXPLAINED in self.remark or not self.remark else "explained"
+
 
 @dataclass(frozen=True)
 class Study:
@@ -57,7 +68,7 @@ class Study:
 
     def table(self) -> pd.DataFrame:
         """Return the rows as numbers; NaN where nothing is published."""
-        names = ("quantity", "unit", "published", "ours", "remark")
+        names = ("quantity", "unit", "published", "ours", "status", "remark")
         table = pd.DataFrame([[getattr(row, name) for name in names] for row in self.rows], columns=list(names))
         table["published"] = [np.nan if row.published is None else row.published.value for row in self.rows]
         table.insert(4, "difference", table["ours"] - table["published"])
@@ -69,6 +80,12 @@ def summary_of(studies: Sequence[Study]) -> pd.DataFrame:
     tables = [study.table()[[row.headline for row in study.rows]].assign(study=study.name) for study in studies]
     table = pd.concat(tables, ignore_index=True)
     return table[["study", *(column for column in table.columns if column != "study")]]
+
+
+def counted(table: pd.DataFrame) -> str:
+    """Return in one sentence how many published numbers of a table are reproduced."""
+    counts = table["status"].value_counts()
+    return ", ".join(f"{counts.get(status, 0)} {status}" for status in STATUSES) + f" of {sum(table['status'] != '')} published numbers"
 
 
 def shown(table: pd.DataFrame) -> pd.DataFrame:
@@ -120,5 +137,5 @@ def write_summary(studies: Sequence[Study], directory: Path) -> None:
     """
     table = summary_of(studies)
     text = markdown_table(shown(table), text=WORDS)
-    write_atomically(directory / "summary.md", f"# Published and reproduced\n\n{text}\n".encode())
+    write_atomically(directory / "summary.md", f"# Published and reproduced\n\n{counted(table)}.\n\n{text}\n".encode())
     write_atomically(directory / "summary.csv", csv_bytes(table))

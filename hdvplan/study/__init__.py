@@ -11,6 +11,8 @@ Names load when they are first used: mistakes in a study's file are reported bef
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from hdvplan.errors import OptionError
+
 if TYPE_CHECKING:
     from hdvplan.study.conduct import Results, run
     from hdvplan.study.engine import Engine
@@ -27,4 +29,9 @@ if not TYPE_CHECKING:  # else a type checker would believe in any name
             msg = f"module 'hdvplan.study' has no attribute {name!r}"
             raise AttributeError(msg)
         homes = {"Engine": "engine", "Results": "conduct", "run": "conduct", "Study": "spec", "read_study": "spec", "study_of": "spec"}
-        return getattr(import_module(f"hdvplan.study.{homes.get(name, 'pools')}"), name)
+        try:
+            home = import_module(f"hdvplan.study.{homes.get(name, 'pools')}")
+        except ModuleNotFoundError as error:
+            msg = f"a study needs {error.name}, which is not installed"
+            raise OptionError(msg, hint="pip install pebble pyarrow") from error
+        return getattr(home, name)

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from hdvplan.reproduce.published import Number
-from hdvplan.reproduce.study import Row, Study, markdown, shown, summary_of, write_study, write_summary
+from hdvplan.reproduce.study import Row, Study, counted, markdown, shown, summary_of, write_study, write_summary
 from hdvplan.reproduce.timing import timing
 from tests.reproduce.conftest import silent
 
@@ -21,12 +21,20 @@ ROWS = (
     Row("reach", "m", Number(2.0, 0.01), 2.005, headline=True),
     Row("width", "m", Number(2.0, 0.01), 2.5, "another road"),
     Row("count", "", None, 3.0),
+    Row("height", "m", Number(2.0, 0.01), 2.5, "not explained: neither road gives it", headline=True),
+    Row("depth", "m", Number(2.0, 0.01), 2.5),
 )
 
 
 def test_a_row_differs_beyond_reading_error_only() -> None:
-    assert [row.differs for row in ROWS] == [False, True, False]
+    assert [row.differs for row in ROWS] == [False, True, False, True, True]
     assert Row("lost", "m", Number(2.0, 0.01), float("nan")).differs
+
+
+def test_numbers_are_reproduced_explained_or_open_and_counted() -> None:
+    study = made_up("one", *ROWS)
+    assert [row.status for row in ROWS] == ["reproduced", "explained", "", "open", "open"]
+    assert counted(study.table()) == "1 reproduced, 1 explained, 2 open of 4 published numbers"
 
 
 def test_a_table_keeps_its_numbers_and_says_nothing_where_nothing_is_published() -> None:
@@ -34,8 +42,8 @@ def test_a_table_keeps_its_numbers_and_says_nothing_where_nothing_is_published()
     assert table["difference"][1] == 0.5
     assert np.isnan(table["published"][2])
     text = shown(table)
-    assert list(text["published"]) == ["2.000", "2.000", "-"]
-    assert list(text["difference"]) == ["+0.0050", "+0.5000", "-"]
+    assert list(text["published"]) == ["2.000", "2.000", "-", "2.000", "2.000"]
+    assert list(text["difference"]) == ["+0.0050", "+0.5000", "-", "+0.5000", "+0.5000"]
 
 
 @pytest.mark.parametrize(
@@ -47,7 +55,7 @@ def test_numbers_are_shown_with_the_digits_that_matter(value: float, text: str) 
 
 def test_a_summary_holds_the_headlines_of_all_studies() -> None:
     summary = summary_of([made_up("one", *ROWS), made_up("two", ROWS[0])])
-    assert list(zip(summary["study"], summary["quantity"], strict=True)) == [("one", "reach"), ("two", "reach")]
+    assert list(zip(summary["study"], summary["quantity"], strict=True)) == [("one", "reach"), ("one", "height"), ("two", "reach")]
 
 
 def test_a_study_is_written_as_table_figure_and_data(tmp_path: Path) -> None:
@@ -57,7 +65,7 @@ def test_a_study_is_written_as_table_figure_and_data(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == [
         "one-data.csv", "one.csv", "one.md", "one.png", "summary.csv", "summary.md",
     ]  # fmt: skip
-    assert pd.read_csv(tmp_path / "new" / "one.csv")["ours"].tolist() == [2.005, 2.5, 3.0]
+    assert pd.read_csv(tmp_path / "new" / "one.csv")["ours"].tolist() == [2.005, 2.5, 3.0, 2.5, 2.5]
     assert (tmp_path / "new" / "one.png").read_bytes().startswith(b"\x89PNG")
     assert "another road" in (tmp_path / "new" / "one.md").read_text(encoding="utf-8")
 

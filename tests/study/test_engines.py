@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import time
 from collections.abc import Iterable
@@ -170,6 +171,17 @@ def test_a_cluster_without_dask_is_refused_in_one_line(monkeypatch: pytest.Monke
     with pytest.raises(OptionError, match="needs Dask, which is not installed") as caught:
         connected("tcp://127.0.0.1:1")
     assert "hdvplan[dask]" in str(caught.value.hint)
+
+
+@pytest.mark.parametrize("missing", ["pebble", "pyarrow"])
+def test_a_study_without_its_extra_is_refused_in_one_line(missing: str, tmp_path: Path) -> None:
+    (tmp_path / "lines.toml").write_text('roads = ["uturn"]\nvehicles = ["bus"]\n', encoding="utf-8")
+    program = f"import sys; sys.modules['{missing}'] = None; from hdvplan.cli.app import run; sys.exit(run(['study', 'lines.toml', '--out', 'out']))"
+    command = [sys.executable, "-c", program]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603 - ours
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert f"a study needs {missing}, which is not installed" in ended.stderr
+    assert "pip install pebble pyarrow" in ended.stderr
 
 
 class Gone:
