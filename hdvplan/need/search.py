@@ -184,7 +184,7 @@ def _better(best: Least, question: Question, result: Result, room: float) -> Lea
 def on_road(result: Result, road: Road) -> Result:
     """Return the same drive judged on another road of the same line, whose regions it passes on the same sides."""
     there = replace(road, faces=result.drive.road.faces)
-    return result_of(replace(result.drive, road=there), solver=result.solver, objective=result.objective)
+    return result_of(replace(result.drive, road=there), solver=result.solver, objective=result.objective, envelope=result.envelope)
 
 
 def even(road: Road) -> Callable[[float], Road]:

@@ -168,7 +168,7 @@ def part_of(road: Road, s_from: float, s_to: float, before: float, after: float)
     """
     first, last = s_from - before, s_to + after
     faces = None if road.faces is None else Street.along(road.path, road.faces).beside(first, last)
-    return replace(
+    part = replace(
         road,
         path=road.path.stretch(s_from, s_to, before, after),
         smoothing=None,
@@ -177,6 +177,9 @@ def part_of(road: Road, s_from: float, s_to: float, before: float, after: float)
         drawn=None if road.given is None else tuple(kerb.shifted(s_from) for kerb in road.given.beside(first, last)),
         faces=None if faces is None else tuple(face.shifted(s_from) for face in faces),
     )
+    if road.drawn is None and not road.regions:  # its kerbs are drawn, but no others than those of its limits
+        part.__dict__["beside"] = part.limits
+    return part
 
 
 def _limits(road: Road, limits: Limits, s_from: float, s_to: float) -> Limits:

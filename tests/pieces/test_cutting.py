@@ -21,8 +21,9 @@ from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.load import Found, find_road, load_road
 from hdvplan.road.options import RoadOptions
+from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import OPEN_M
-from hdvplan.road.road import Road
+from hdvplan.road.road import Road, part_of
 from hdvplan.road.windows import road_of, windows_of
 from hdvplan.vehicle.load import load_vehicle
 from tests.pieces.lanes import PLANE, found_of
@@ -55,6 +56,13 @@ def _long_roads_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
 def cut_from_its_line() -> tuple[Piece, ...]:
     """Return the pieces of the road's line, smoothed once for all tests."""
     return tuple(of_line(find_road(ROAD)))
+
+
+def test_a_part_has_the_limits_that_were_given() -> None:
+    bend = from_curvature(np.linspace(0.0, 300.0, 4), np.array([0.0, 0.02, 0.02, 0.0]))  # kerbs are chords, and met 1 mm nearer
+    beside = part_of(Road("bend", bend).with_limits(4.0, 3.0), 100.0, 200.0, 20.0, 20.0).beside
+    assert beside is not None
+    np.testing.assert_array_equal(beside.table(np.linspace(0.0, 100.0, 9)), np.tile([[4.0], [-3.0], [4.0], [-3.0]], 9))
 
 
 @pytest.mark.parametrize("whole", [True, False], ids=["of the road", "of its line"])

@@ -176,7 +176,8 @@ def test_a_cluster_without_dask_is_refused_in_one_line(monkeypatch: pytest.Monke
 @pytest.mark.parametrize("missing", ["pebble", "pyarrow"])
 def test_a_study_without_its_extra_is_refused_in_one_line(missing: str, tmp_path: Path) -> None:
     (tmp_path / "lines.toml").write_text('roads = ["uturn"]\nvehicles = ["bus"]\n', encoding="utf-8")
-    program = f"import sys; sys.modules['{missing}'] = None; from hdvplan.cli.app import run; sys.exit(run(['study', 'lines.toml', '--out', 'out']))"
+    study = "run(['study', 'lines.toml', '--out', 'out'])"
+    program = f"import sys; sys.modules['{missing}'] = None; from hdvplan.cli.app import run; sys.exit({study})"
     command = [sys.executable, "-c", program]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     assert (ended.returncode, ended.stdout) == (2, "")
