@@ -208,7 +208,7 @@ def test_a_plan_can_be_balanced_about_a_bias(cli: Cli, tmp_path: Path, short_roa
 def test_several_vehicles_are_compared_and_answered_as_each_by_itself(cli: Cli, short_road: str) -> None:
     outcome = cli("plan", short_road, "--vehicle", "bus, a-double", "--half-width", "1.7", "--out", "both")
     assert outcome.code == 1
-    assert outcome.out.startswith("NO: 1 of 2 vehicles does not fit: a-double\n")
+    assert outcome.out.startswith(worded(NO, "1 of 2 vehicles does not fit: a-double\n"))
     assert outcome.err.count("error: ") == 1
     table = pd.read_csv("both/compared.csv").set_index("vehicle")
     assert table["answer"].to_dict() == {"bus": YES, "a-double": NO}

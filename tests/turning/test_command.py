@@ -10,6 +10,7 @@ import shapely
 from ezdxf.filemanagement import readfile
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 
+from hdvplan.answers import NO, YES, worded
 from hdvplan.report.manoeuvre_plots import turn_figure
 from hdvplan.turning.templates import load_template
 from hdvplan.turning.turn import turn
@@ -37,7 +38,7 @@ swept_width = 20
 def test_a_vehicle_that_complies_ends_in_0_with_its_figures(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
     outcome = cli("turn", "--vehicle", "tractor-semitrailer", "--template", "eu-circle")
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.startswith("YES: tractor-semitrailer complies with eu-circle: ")
+    assert outcome.out.startswith(worded(YES, "tractor-semitrailer complies with eu-circle: "))
     assert "inside radius 5.346 m (at least 5.30), 0.046 m " in outcome.out.splitlines()[0]
     assert max(len(line) for line in outcome.out.splitlines()[1:]) <= 80
     folder = tmp_path / "eu-circle.tractor-semitrailer"
@@ -47,7 +48,7 @@ def test_a_vehicle_that_complies_ends_in_0_with_its_figures(cli: Cli, tmp_path: 
 def test_a_vehicle_that_does_not_comply_ends_in_1_and_says_by_how_much(cli: Cli) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", "citaro-le-mu", "--template", "eu-circle", "--no-plot")
     assert outcome.code == 1
-    assert outcome.out.startswith("NO: citaro-le-mu does not comply")
+    assert outcome.out.startswith(worded(NO, "citaro-le-mu does not comply"))
     assert outcome.err == "error: the inside radius of the citaro-le-mu is 5.137 m, 0.163 m below 5.300 m\n"
 
 
@@ -124,7 +125,7 @@ def test_a_turn_is_drawn_for_cad_with_the_figures_that_are_told(cli: Cli, tmp_pa
 
 def test_the_picture_is_to_scale_and_its_title_is_the_verdict() -> None:
     figure = turn_figure(turn(load_vehicle("tractor-semitrailer"), load_template("eu-circle")))
-    assert figure.get_suptitle().replace("\n", " ").startswith("YES: tractor-semitrailer complies with eu-circle")
+    assert figure.get_suptitle().replace("\n", " ").startswith(worded(YES, "tractor-semitrailer complies with eu-circle"))
     plane = figure.axes[0]
     assert plane.get_aspect() == 1.0
     legend = plane.get_legend()

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from ezdxf.filemanagement import readfile
 
-from hdvplan.answers import NEEDS
+from hdvplan.answers import NEEDS, NO, YES, worded
 from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
 from tests.turning.reversals import REFUSE
 
@@ -26,7 +26,7 @@ def test_a_manoeuvre_that_fits_ends_in_0_with_its_files(cli: Cli, tmp_path: Path
     outcome = cli("turn", "--vehicle", refuse_file, "--template", "three-point", "--width", "14", "--format", "png,dxf")
     assert (outcome.code, outcome.err) == (0, "")
     first, second = outcome.out.splitlines()[:2]
-    assert first.startswith("YES: the refuse turns round in 3 legs in 14.00 m of street width, 0.")
+    assert first.startswith(worded(YES, "the refuse turns round in 3 legs in 14.00 m of street width, 0."))
     assert len(first) <= 100
     assert "less may do" in second
     folder = tmp_path / "three-point.refuse"
@@ -56,7 +56,7 @@ def test_the_poses_tell_leg_and_direction_and_go_on_at_the_cusps(cli: Cli, tmp_p
 def test_what_does_not_fit_ends_in_1_and_says_what_does(cli: Cli, refuse_file: str) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", refuse_file, "--template", "three-point", "--width", "9.5", "--no-plot")
     assert outcome.code == 1
-    assert outcome.out.startswith("NO: no way was found for the refuse in 9.50 m of street width; ")
+    assert outcome.out.startswith(worded(NO, "no way was found for the refuse in 9.50 m of street width; "))
     assert "less than the least that was found to do" in outcome.err
     assert "cannot" not in outcome.out + outcome.err
 
