@@ -108,7 +108,8 @@ static double corner_gap(
     double room = sign * v - on->half_width, across = v + sign * on->half_width;
     if (room < -2.0 * on->half_width) { /* it lies beyond the other side: a plan is led back, if from behind it */
         int behind = is_behind(piece, in->pose->sin * across, -in->pose->cos * across);
-        return in->look == HDV_TO_PLAN && behind ? room : INFINITY;
+        int leads = in->look == HDV_TO_PLAN && !(piece->wall && piece->ends); /* the end of a wall leads nowhere */
+        return leads && behind ? room : INFINITY;
     }
     if (in->look == HDV_TO_PLAN || room >= 0.0)
         return room;

@@ -69,7 +69,7 @@ class Widening:
     @property
     def depth(self) -> float:
         """How far any kerb moves, at most [m]."""
-        return _depth(self.patches)
+        return max((patch.depth for patch in self.patches), default=0.0)
 
     @property
     def area(self) -> float:
@@ -164,10 +164,6 @@ def _area(patches: Sequence[Patch]) -> float:
     return float(shapely.union_all([patch.polygon for patch in patches]).area)
 
 
-def _depth(patches: Sequence[Patch]) -> float:
-    return max((patch.depth for patch in patches), default=0.0)
-
-
 def side_of(kerb: Kerb) -> str:
     """Return the side of a kerb: "left" or "right"."""
     return "left" if kerb.left else "right"
@@ -187,9 +183,9 @@ def moved(road: Road, sides: Sequence[str], by: float) -> Road:
 
 
 def _moved(kerb: Kerb, by: float, *, closed: bool) -> list[Kerb]:
-    reach = np.full(len(kerb.s), by if kerb.left else -by)
-    found = kerb_of(kerb.points, kerb.s, _corners(kerb.points), reach, closed=closed and kerb.goes_on)
-    return [replace(kerb, points=one.points, s=one.number, goes_on=kerb.goes_on and one.whole) for one in found]
+    number, reach = np.arange(len(kerb.s), dtype=np.float64), np.full(len(kerb.s), by if kerb.left else -by)
+    found = kerb_of(kerb.points, number, _corners(kerb.points), reach, closed=closed and kerb.goes_on)  # all of a wall has one arclength
+    return [replace(kerb, points=one.points, s=np.interp(one.number, number, kerb.s), goes_on=kerb.goes_on and one.whole) for one in found]
 
 
 def _corners(points: FloatArray) -> BoolArray:
@@ -290,7 +286,8 @@ def _swept(drive: Drive, stretch: tuple[float, float], strip: BaseGeometry, *, a
         s = np.mod(s + 0.5 * path.length, path.length) - 0.5 * path.length
     half = 0.5 * (stretch[1] - stretch[0]) + _ASKEW_M
     near = np.flatnonzero((s > -half - drive.vehicle.reach_ahead) & (s < half + drive.vehicle.reach_behind))
-    near = near[near + 1 < len(drive.poses_s)]
+    last = path.length if middle > path.length and not path.closed else np.inf  # of a vehicle that has left the road nothing beyond counts
+    near = near[(near + 1 < len(drive.poses_s)) & (drive.poses_s[near] < last)]
     before, after = (corners(drive, at, axles_only=axles_only).reshape(-1, 4, 2) for at in (near, near + 1))
     touching = shapely.intersects(shapely.polygons(before), strip) | shapely.intersects(shapely.polygons(after), strip)
     before, after = before[touching], after[touching]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -21,37 +22,43 @@ _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
 _GAP_M = 0.5  # ends of two lines this close are one kerb
 _OVERLAP_M = 1.0  # kerbs that run beside each other for longer are two
+_AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
 
 def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tuple[Kerb, ...], tuple[str, ...]]:
     """Return the kerbs that drawn lines, each of shape (n, 2) [m], make beside ``path``, and notes on where there are none.
 
-    Names of lines do not count, only where they lie. Where a line goes over from one side of the road to the other beyond its ends, that
-    piece is no kerb: the street is open there. Over a gap a kerb is straight.
+    Names of lines do not count, only where they lie. A piece that goes over from one side of the road to the other beyond an end closes the
+    street, as a kerb by itself; one that the road's own line ends on is where a drawn area ends, and the street is open there. Over a gap
+    a kerb is straight.
 
     Raises:
         RoadError: a line crosses the road between its ends, and does not just close an area there.
 
     """
     longer = path.extended(BEYOND_M, BEYOND_M)
-    pieces = [piece for edge in edges for piece in _sided(longer, path, edge)]
+    pieces: list[Kerb] = []
+    across: list[str] = []
+    for edge in edges:
+        found, told = _sided(longer, path, edge)
+        pieces, across = [*pieces, *found], [*across, *told]
     open_place = About.smooth(path).kerbs(Limits.constant(OPEN_M, OPEN_M, path.length))
     kerbs: list[Kerb] = []
     notes: list[str] = []
     for left in (True, False):
-        own = sorted((piece for piece in pieces if piece.left is left), key=lambda kerb: kerb.s[0])
+        own = sorted((piece for piece in pieces if piece.left is left and piece.goes_on), key=lambda kerb: kerb.s[0])
         chains = _going_on(_chained(own, path.length if path.closed else np.inf), path)
         kerbs += [part for kerb in chains for part in within_lap(kerb, path)] or [kerb for kerb in open_place if kerb.left is left]
         shown = [part for piece in own for part in within_lap(replace(piece, goes_on=False), path)]
         notes += _gaps(sorted(shown, key=lambda kerb: kerb.s[0]), path.length, "left" if left else "right")
-    return tuple(kerbs), tuple(notes)
+    return (*kerbs, *(piece for piece in pieces if not piece.goes_on)), (*notes, *dict.fromkeys(across))
 
 
-def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> list[Kerb]:
-    """Return the parts of one drawn line that lie on one side of the road, in its direction.
+def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tuple[list[Kerb], list[str]]:
+    """Return the parts of one drawn line that lie on one side of the road, in its direction, those across it, and notes on these.
 
     What lies beyond the road's ends belongs to the part that it goes on from: the street may bend there, and the path does not. Where a
-    line goes over to the other side, the piece that crosses the road, or what it goes straight on to, is left out.
+    line goes over to the other side, the piece that crosses the road, or what it goes straight on to, is a kerb that does not go on.
     """
     points, drawn = densely(edge)
     # corners of a ring, its first one twice; along a closed road its arclength there is another
@@ -63,24 +70,53 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> list
     if ring:
         first = int(np.argmax(beside))
         points, s, offset, beside, drawn = (np.roll(column[:-1], -first, axis=0) for column in (points, s, offset, beside, drawn))
-    on = np.flatnonzero(beside)
     left_out = np.zeros(len(points), bool)  # by the point that a piece begins at
-    for before, after in zip(on, np.append(on[1:], on[0] + len(points)) if ring else on[1:], strict=False):
-        between = np.arange(before, after + 1) % len(points)
-        if (offset[before] > 0.0) != (offset[after % len(points)] > 0.0):
-            crossing = between[:-1][np.diff(offset[between] > 0.0)]
-            beyond = np.abs(s[crossing] - np.clip(s[crossing], 0.0, path.length))
-            if np.max(beyond) == 0.0:
-                _refuse_wall(path, s, offset, int(crossing[0]))
-            left_out |= drawn == drawn[crossing[int(np.argmax(beyond))]]
-    found = []
+    found, notes = [], []
+    for crossing in _crossings(offset, np.flatnonzero(beside), ring=ring):
+        at = _crossed_at(s, offset, crossing)
+        beyond = np.full(len(at), -np.inf) if path.closed else np.maximum(-at, at - path.length)
+        furthest = int(np.argmax(beyond))
+        far, starts = float(beyond[furthest]), bool(at[furthest] < 0.5 * path.length)
+        if far < -_AT_END_M:
+            _refuse_wall(path, s, offset, int(crossing[0]))
+        across = drawn == drawn[crossing[furthest]]
+        left_out |= across
+        if abs(far) <= _AT_END_M:
+            notes.append(f"an edge closes the street where the line {'starts' if starts else 'ends'}: it is taken as open there")
+        elif 0.0 < far < BEYOND_M:
+            notes.append(f"an edge closes the street {far:.1f} m {'before the line starts' if starts else 'beyond the end of the line'}")
+            piece = np.flatnonzero(across & ~np.roll(across, 1))[0] + np.arange(np.count_nonzero(across) + 1)
+            found.append(_closing(path, 0.0 if starts else path.length, points[piece % len(points)], s[piece % len(points)]))
     for part in _runs(left_out, ring=ring):
         inside = part[beside[part]]
         if len(part) > 1 and len(inside) and (path.closed or (np.min(s[part]) < path.length + BEYOND_M and np.max(s[part]) > -BEYOND_M)):
             along = part if _leads_on(s[inside], offset[inside]) else part[::-1]
             lap = path.length * np.floor(s[along[0]] / path.length) if path.closed else 0.0
             found.append(Kerb(points[along], _rising(s[along], offset[along]) - lap, bool(offset[inside[0]] > 0.0)))
-    return found
+    return found, notes
+
+
+def _crossings(offset: FloatArray, on: IntArray, *, ring: bool) -> Iterator[IntArray]:
+    """Yield from one to the next point ``on`` of a line that lie on two sides of the road the points behind which it crosses that."""
+    for before, after in zip(on, np.append(on[1:], on[0] + len(offset)) if ring else on[1:], strict=False):
+        between = np.arange(before, after + 1) % len(offset)
+        crossing = between[:-1][np.diff(offset[between] > 0.0)]
+        if len(crossing) % 2:
+            yield crossing
+
+
+def _crossed_at(s: FloatArray, offset: FloatArray, crossing: IntArray) -> FloatArray:
+    """Return the arclengths at which pieces that begin at points ``crossing`` of a line cross the road [m]."""
+    after = (crossing + 1) % len(s)
+    return np.asarray(s[crossing] + (s[after] - s[crossing]) * offset[crossing] / (offset[crossing] - offset[after]))
+
+
+def _closing(path: ReferencePath, end: float, points: FloatArray, s: FloatArray) -> Kerb:
+    """Return the kerb of a piece that closes the street beyond an ``end`` of the road [m], which lies on its street's side."""
+    order = slice(None, None, 1 if s[0] <= s[-1] else -1)
+    points, s = points[order], np.maximum.accumulate(s[order])
+    ahead, back = points[-1] - points[0], np.stack(path.to_plane(end, 0.0)) - points[0]
+    return Kerb(points, s, bool(ahead[0] * back[1] < ahead[1] * back[0]), goes_on=False)
 
 
 def _leads_on(s: FloatArray, offset: FloatArray) -> bool:

@@ -26,7 +26,7 @@ from hdvplan.road.road import Smoothing
 from hdvplan.road.splines import FEWEST_CELLS, check_length, chord_of, equal_arclengths, path_through, spline_through
 
 _DEVIATIONS_M = (5.0, 10.0, 20.0)  # that are tried one after the other where nobody says how far a line may be moved
-_DRIVEN_SHARE, _DRIVEN_EXCESS = 0.9, 1.5  # of the curvature: of a drive along a line, and where that is moved to its end
+_DRIVEN_SHARE, _DRIVEN_EXCESS = 0.9, 1.5  # of the curvature: of a drive along a line, and where two are made one or moved to an end
 _BACK = -np.cos(np.deg2rad(30.0))  # cosine of a turn at a point that is a mistake, or a drive back
 _STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
 _WIDEST_SIGMA_M = 10.0  # of the Gaussian that makes the first line; else as wide as the tightest radius
@@ -126,16 +126,15 @@ def _driven_along(points: FloatArray, max_curvature: float) -> SmoothedLine | No
     cosine = np.sum(ahead[1:] * ahead[:-1], axis=1) / np.hypot(*ahead[1:].T) / np.hypot(*ahead[:-1].T)
     if np.min(cosine, initial=1.0) < _BACK:
         return None
-    driven, along = pursued(vertices, _DRIVEN_SHARE * max_curvature)
-    found = path_through(driven, _DRIVEN_EXCESS * max_curvature)
-    if found is None:
-        return None
-    path, s_driven = found
-    s = np.interp(chord_of(vertices), along, s_driven)
-    here = path.at(s)
-    apart = np.hypot(here.x - vertices[:, 0], here.y - vertices[:, 1])
-    smoothing = _smoothing(path, s, apart, np.ones(len(s)), len(points), len(points) - len(kept))
-    return SmoothedLine(path, smoothing, s[vertex])
+    for driven, along in pursued(vertices, _DRIVEN_SHARE * max_curvature):
+        found = path_through(driven, _DRIVEN_EXCESS * max_curvature)
+        if found is not None:
+            path, s_driven = found
+            s = np.interp(chord_of(vertices), along, s_driven)
+            here = path.at(s)
+            apart = np.hypot(here.x - vertices[:, 0], here.y - vertices[:, 1])
+            return SmoothedLine(path, _smoothing(path, s, apart, np.ones(len(s)), len(points), len(points) - len(kept)), s[vertex])
+    return None
 
 
 def smoothing_of(path: ReferencePath, points: FloatArray, near: FloatArray) -> Smoothing:

@@ -15,6 +15,8 @@ from hdvplan.need.search import Least, kerbs_on, on_road, spare_of
 from hdvplan.need.widening import Widenings, around, least_widenings, moved, on_kerbs, own_plans
 from hdvplan.report.needs import need_json, need_lines, shown_plan
 from hdvplan.road.limits import Limits
+from hdvplan.road.line import Line, RawRoad, smoothed
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from tests.need.test_room import BUS, bend_of_16_m, case_on, corner, least_in_the_bend
@@ -145,3 +147,13 @@ def test_a_closed_road_is_widened_over_its_start() -> None:
     assert found.area is not None
     kerbs, _ = around(found.area.result, BOTH)
     assert verdict_of(on_road(found.area.result, on_kerbs(road, kerbs))).fits is True
+
+
+def test_a_wall_beyond_the_line_s_end_moves_by_what_the_front_reaches_over_it_on_the_road_and_no_more() -> None:
+    line, wall = np.array([[0.0, 0.0], [60.0, 0.0]]), 60.0 + BUS.lead.front - 0.2
+    dead_end = np.array([[-25.0, 3.0], [wall, 3.0], [wall, -3.0], [-25.0, -3.0]])
+    case = Case(smoothed(Line("dead end", RawRoad(line, edges=(dead_end,)), RoadOptions()))[0], BUS)
+    widenings = least_widenings(case, own_plans(case))
+    assert widenings.depth is not None
+    assert widenings.depth.depth == pytest.approx(0.2, abs=0.03)  # tolerances of need and verdict
+    assert widenings.depth.area == pytest.approx(0.2 * BUS.width, abs=0.03 * BUS.width)

@@ -18,7 +18,7 @@ from hdvplan.road.limits import Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature
-from hdvplan.road.pieces import Kerb
+from hdvplan.road.pieces import Kerb, pieces_of
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from hdvplan.road.street import Street
@@ -259,16 +259,28 @@ def test_neither_the_order_nor_the_direction_of_drawn_lines_matters(turned: bool
 
 @pytest.mark.parametrize("first", range(4))
 @pytest.mark.parametrize("turned", [False, True])
-def test_a_polygon_s_caps_beyond_the_ends_are_open(first: int, turned: bool) -> None:
-    ring_ = np.roll(np.array([[-10.0, -2.0], [110.0, -2.0], [110.0, 3.0], [-10.0, 3.0]]), first, axis=0)
+@pytest.mark.parametrize("beyond", [0.0, 0.8, 10.0])
+def test_a_polygon_s_caps_close_the_street_but_those_that_the_line_ends_on(first: int, turned: bool, beyond: float) -> None:
+    low, high = -beyond, 100.0 + beyond
+    ring_ = np.roll(np.array([[low, -2.0], [high, -2.0], [high, 3.0], [low, 3.0]]), first, axis=0)
     ring_ = np.vstack([ring_, ring_[:1]])
     kerbs, notes = drawn_kerbs(arc(0.0, 100.0), (ring_[::-1] if turned else ring_,))
-    assert not notes
-    assert sorted(kerb.left for kerb in kerbs) == [False, True]
-    for kerb in kerbs:
+    sides, caps = [kerb for kerb in kerbs if kerb.goes_on], [kerb for kerb in kerbs if not kerb.goes_on]
+    assert sorted(kerb.left for kerb in sides) == [False, True]
+    for kerb in sides:
         assert np.ptp(kerb.points[:, 1]) == 0.0  # no piece of a cap
-        assert kerb.goes_on
-        assert (kerb.points[:, 0].min(), kerb.points[:, 0].max()) == (-10.0, 110.0)
+        assert (kerb.points[:, 0].min(), kerb.points[:, 0].max()) == (low, high)
+    if beyond <= 1.0:
+        assert not caps
+        assert sorted(notes) == [f"an edge closes the street where the line {at}: it is taken as open there" for at in ("ends", "starts")]
+        return
+    assert sorted(notes) == [f"an edge closes the street 10.0 m {at}" for at in ("before the line starts", "beyond the end of the line")]
+    for kerb in caps:
+        begin, end = (place[0] for place in ends_of(pieces_of([kerb]).pieces[:1]))
+        assert (end[0] - begin[0]) * (0.0 - begin[1]) - (end[1] - begin[1]) * (50.0 - begin[0]) > 0.0  # the line's middle is on the left
+        assert kerb.points[0, 0] == kerb.points[-1, 0]
+        assert sorted(kerb.points[[0, -1], 1]) == [-2.0, 3.0]
+    assert sorted(kerb.points[0, 0] for kerb in caps) == [low, high]
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

@@ -317,6 +317,25 @@ def test_edges_before_the_start_and_beyond_the_end_are_judged(at: float) -> None
             assert found.spare < half_width - 0.5 * BUS.width + 0.005  # no drive leaves more; edges are judged in steps of 5 mm
 
 
+@pytest.mark.parametrize("drawn", ["around", "alone", "jagged"])
+@pytest.mark.parametrize("room", [-0.2, 0.3])
+@pytest.mark.parametrize("behind", [False, True])
+def test_an_edge_that_closes_the_street_beyond_an_end_counts_where_a_body_reaches_it(drawn: str, room: float, behind: bool) -> None:
+    """A dead end, whose wall is nearer to the line's end than the vehicle's front."""
+    at = -BUS.units[-1].rear_overhang - room if behind else 60.0 + BUS.lead.front + room
+    far = 85.0 if behind else -25.0
+    left, right = ([[far, side], [at, side]] for side in (3.0, -3.0))
+    jag = [[at, 0.5], [at + (4.0 if at > 0.0 else -4.0), 0.1], [at, -0.4]]
+    lines = {"around": [[*left, *right[::-1]]], "alone": [left, right, [left[1], right[1]]], "jagged": [[*left, *jag, *right[::-1]]]}
+    road = road_of(RawRoad(STRAIGHT, edges=tuple(np.array(line) for line in lines[drawn])))
+    assert any("an edge closes the street" in note for note in road.notes)
+    found = verdict_of(api.plan(Case(road, BUS)))
+    assert found.fits is (room > 0.0)
+    if drawn != "jagged":  # there a plan that cannot keep them tries one side and the other
+        assert found.spare == pytest.approx(room, abs=0.01)  # straight along the middle
+        assert found.s == pytest.approx(at, abs=0.5)
+
+
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("wall", [[[30.0, -3.0], [30.0, 3.0]], [[30.0, 15.0], [31.0, -1.0]], [[-25.0, 4.0], [30.0, 4.0], [30.0, -3.0]]])
 def test_an_edge_across_the_street_is_refused_and_not_driven_over(wall: list[list[float]], way: int) -> None:
