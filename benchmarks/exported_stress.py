@@ -168,18 +168,18 @@ def _deepest(name: str, frames: dict[str, int], calls: dict[str, set[str]], abov
     return frames.get(name, 0) + max(below, default=0)
 
 
-def looked_at(folder: Path, checked: int, worst: tuple[int, int, int], kept: set[str]) -> dict[str, object]:
-    """Return what takes long to find out: steps under the checkers, instructions of the worst step, and the stack."""
+def looked_at(folder: Path, checked: tuple[int, int], worst: tuple[int, int, int], kept: set[str]) -> dict[str, object]:
+    """Return what takes long: so many steps under valgrind and the sanitizers, instructions of the worst step, and the stack."""
     watched, sanitized = compiled(folder, "watched", WATCHED, kept), compiled(folder, "sanitized", SANITIZED, kept)
     return {
-        "under_valgrind": stressed(["valgrind", "--error-exitcode=9", "--quiet", str(watched)], folder, checked, 0)["steps"],
-        "under_sanitizers": stressed([str(sanitized)], folder, checked, 0)["steps"],
+        "under_valgrind": stressed(["valgrind", "--error-exitcode=9", "--quiet", str(watched)], folder, checked[0], 0)["steps"],
+        "under_sanitizers": stressed([str(sanitized)], folder, checked[1], 0)["steps"],
         "instructions": instructions(watched, *worst),
         "stack_bytes": stack(folder),
     }
 
 
-def rows_of(vehicle: Vehicle, count: int, steps: int, checked: int, *, looks: bool) -> Iterator[tuple[Case, dict[str, object]]]:
+def rows_of(vehicle: Vehicle, count: int, steps: int, checked: tuple[int, int], *, looks: bool) -> Iterator[tuple[Case, dict[str, object]]]:
     """Yield cases with what steps on each of a vehicle's streets took; where it ``looks``, the first one also under the checkers."""
     with tempfile.TemporaryDirectory() as made:
         folder, kept, planner = Path(made), set[str](), ""
@@ -232,11 +232,13 @@ def main() -> None:
     parser.add_argument("--streets", type=int, default=5)
     parser.add_argument("--steps", type=int, default=10_000, help="of each vehicle on each street")
     parser.add_argument("--looked", type=int, default=4, help="how many vehicles are looked at under valgrind and the sanitizers")
-    parser.add_argument("--checked", type=int, default=2500, help="steps of each of these")
+    parser.add_argument(
+        "--checked", type=int, nargs=2, default=(250, 2500), help="steps of each of these, under valgrind and the sanitizers"
+    )
     given = parser.parse_args()
     found: list[tuple[Case, dict[str, object]]] = []
     for number, vehicle in enumerate(vehicles(given.vehicles)):
-        found += rows_of(vehicle, given.streets, given.steps, given.checked, looks=number < given.looked)
+        found += rows_of(vehicle, given.streets, given.steps, tuple(given.checked), looks=number < given.looked)
     rows = pd.DataFrame([row for _, row in found])
     given.out.mkdir(parents=True, exist_ok=True)
     write_atomically(given.out / "steps.csv", csv_bytes(rows))
