@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import subprocess
 import sys
@@ -109,6 +110,15 @@ def test_the_citation_names_this_version_and_the_paper() -> None:
     names = [f"{author['given-names']} {author['family-names']}" for author in paper["authors"]]
     for words in (paper["title"], " and ".join(names), paper["conference"]["name"], str(paper["year"])):
         assert words in entry
+
+
+def test_the_metadata_are_those_of_the_package() -> None:
+    told = json.loads((ROOT / "codemeta.json").read_text(encoding="utf-8"))
+    own = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for theirs, ours in (("name", "name"), ("version", "version"), ("description", "description"), ("keywords", "keywords")):
+        assert told[theirs] == own[ours]
+    assert {name.rpartition("/")[2] for name in told["license"]} == set(own["license"].split(" AND "))
+    assert own["requires-python"].removeprefix(">=") in told["runtimePlatform"]
 
 
 @pytest.mark.parametrize(("pages", "most"), [([README], 900), ((ROOT / "docs").rglob("*.md"), 24_000)], ids=["README", "docs"])
