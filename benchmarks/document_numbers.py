@@ -32,7 +32,8 @@ README, RESULTS, BALANCED, LIECHTENSTEIN = "README.md", "docs/results.md", "docs
 NETWORKS, PROOF = "docs/networks.md", "docs/proof.md"
 FORMER = ("previous method, max right", "previous method, max left")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
-GUARDING, STUDIES = "docs/guarding-timing.md", "docs/studies.md"
+TRACKING = "docs/tracking.md"
+GUARDING = "docs/guarding-timing.md"
 VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 BUSES = {
     "citaro-k": "10.5",
@@ -139,7 +140,12 @@ FIGURES = (
         for name, plan in (("whole", "undivided"), ("stretches", "in stretches"))
         if (km, name) != (1000, "whole")  # it was not planned
     ),
-    Figure(STUDIES, "used {} ms of a core for each, and grew by {} MB in all.", lengths.handed_out),
+    Figure(
+        TRACKING,
+        "a driver who knows the plan erred by {} to {} m at an l of {} to {} m, two controllers by {} to {} m at {} to {} m.",
+        tables.followers,
+    ),
+    Figure(TRACKING, "Of the {} widest runs, {} were within the bound for their l, and {} of these kept the street.", tables.loops_judged),
     Figure(
         GUARDING,
         "{} of {} comparisons of a toy program with itself were red, and {} of {} with dishonest and careless changes.",

@@ -55,6 +55,22 @@ def readme_speed() -> list[str]:
     return [f"{value:.2f}" for value in own] + [f"{theirs / ours:.0f}" for other in others for theirs, ours in zip(other, own, strict=True)]
 
 
+def followers() -> list[str]:
+    """Return the least and the largest E and l that drivers made on a road, then controllers [m]."""
+    rows, texts = table("loop/loop.csv"), []
+    human = rows["follower"] == "driver"
+    for own in (rows[human], rows[~human]):
+        texts += [f"{value:.{digits}f}" for of, digits in (("error_m", 2), ("length_m", 1)) for value in (own[of].min(), own[of].max())]
+    return texts
+
+
+def loops_judged() -> list[str]:
+    """Return how many widest runs were judged, how many of them kept to their bound, and how many of these the street."""
+    rows = table("loop/loop.csv")
+    held = rows["error_widest_m"] <= rows["allowed_m"]
+    return [f"{len(rows)}", f"{held.sum()}", f"{(held & (rows['spare_driven_m'] >= 0.0)).sum()}"]
+
+
 def least_room() -> list[str]:
     """Return how many cases fit within 1 cm more than needed, of how many, and how many plans do within 2 cm less, of how many."""
     rows = table("need/need.csv")

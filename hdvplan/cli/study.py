@@ -88,8 +88,8 @@ def study(
     """Plan every combination of roads, vehicles and settings.
 
     A combination is called a cell. DIR receives cells.parquet (one row for each cell), places.parquet (every breach and tightest place),
-    table.xlsx for spreadsheets, ranking.csv, map.html and study.json. Finished cells are kept: the same command resumes the study, and
-    plans only the cells that are new, have changed, failed, hung or were killed.
+    table.xlsx for spreadsheets, ranking.csv, straying.csv, map.html and study.json. Finished cells are kept: the same command resumes the
+    study, and plans only the cells that are new, have changed, failed, hung or were killed.
 
     Exit code 0: every cell has an answer, YES or NO. 1: some failed, hung or were killed. 2: bad input.
     """

@@ -23,8 +23,8 @@ from hdvplan.study.store import CELLS, PARTS, PLACES, DamagedPartError, Folder, 
 if TYPE_CHECKING:
     import pandas as pd
 
-RECORD, RANKING, PAGE, WORKBOOK = "study.json", "ranking.csv", "map.html", "table.xlsx"
-_OURS = (CELLS, PLACES, PARTS, RANKING, PAGE, WORKBOOK)
+RECORD, RANKING, STRAYING, PAGE, WORKBOOK = "study.json", "ranking.csv", "straying.csv", "map.html", "table.xlsx"
+_OURS = (CELLS, PLACES, PARTS, RANKING, STRAYING, PAGE, WORKBOOK)
 
 Json = dict[str, Any]
 
@@ -186,12 +186,13 @@ def _begun(study: Study, folder: Path, engine: Engine) -> Json:
 def _finished(folder: Folder, record: Json) -> Results:
     """Write what is made of the whole table; return the results."""
     from hdvplan.study.map_page import write_page  # noqa: PLC0415 - they load pandas, which needs memory that cells have use for
-    from hdvplan.study.ranking import ranking_of  # noqa: PLC0415 - as above
+    from hdvplan.study.ranking import ranking_of, straying_of  # noqa: PLC0415 - as above
     from hdvplan.study.workbook import write_workbook  # noqa: PLC0415 - as above
 
     results = Results(folder.path, *_counts(folder.path / CELLS))
     ranking = ranking_of(folder.path / CELLS, folder.path / PLACES, folder.varied)
     write_atomically(folder.path / RANKING, csv_bytes(ranking))
+    write_atomically(folder.path / STRAYING, csv_bytes(straying_of(folder.path / CELLS, folder.varied)))
     write_workbook(folder.path / WORKBOOK, folder.path / CELLS, folder.varied)
     write_page(folder.path / PAGE, folder.path / CELLS, ranking, record["sessions"][0]["started"])
     ended = {"outcomes": dict(results.outcomes), "fits": dict(results.fits), "finished": now()}

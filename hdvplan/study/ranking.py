@@ -1,4 +1,7 @@
-"""The places that keep vehicles out, over all vehicles and roads of a study: near ones merged, with the widening that each needs."""
+"""The places that keep vehicles out, over all vehicles and roads of a study: near ones merged, with the widening that each needs.
+
+And the courses that fit, by how far their drivers may stray.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +30,7 @@ COLUMNS = [
     "rank", "worst_rank", "widening_m", "widening_m2", "vehicles", "roads", "courses", *_WIDTH, "road", "s_m", "lon", "lat", "x", "y",
     "vehicle", "side", "unit", "part", "obstacle", "which_vehicles", "which_roads", "key",
 ]  # fmt: skip
+_STRAYING = ["tracking_error_m", "tracking_s_m", "tracking_unit", "tracking_part", "spare_m", "key"]
 WORDS = ("road", "vehicle", "side", "unit", "part", "obstacle", "which_vehicles", "which_roads", "key")  # of the columns
 
 
@@ -49,16 +53,34 @@ def ranking_of(cells: Path, places: Path, varied: tuple[str, ...]) -> pd.DataFra
     return ranking[COLUMNS]
 
 
+def straying_of(cells: Path, varied: tuple[str, ...]) -> pd.DataFrame:
+    """Return the courses that fit, those first whose drivers may stray least; of every course the cell counts that lets them stray most."""
+    course = ["road", "vehicle", *varied, *_COURSE, "tracking_length_m"]
+    fitting = (part[part["tracking_error_m"].notna()] for part in _parts(cells, [*course, *_STRAYING]))
+    best = _best(fitting, ["tracking_error_m", "spare_m"], course)
+    found = best.sort_values(["tracking_error_m", "road", "vehicle"], kind="stable", ignore_index=True)
+    found.insert(0, "rank", np.arange(1, len(found) + 1))
+    return found[["rank", *_STRAYING[:-1], *course, _STRAYING[-1]]]
+
+
+def _best(parts: Iterator[pd.DataFrame], by: list[str], course: list[str]) -> pd.DataFrame:
+    """Return the row of every course that has most of some columns, of the parts of a table that is not in memory as a whole."""
+    best = pd.DataFrame()
+    for part in parts:
+        table = part if best.empty else pd.concat([best, part])
+        best = table.sort_values(by, ascending=False, na_position="last", kind="stable").drop_duplicates(course)
+    return best
+
+
 def _lacking(cells: Path, places: Path, varied: tuple[str, ...]) -> pd.DataFrame:
     """Return the places where the best cells of courses lack room, with their courses; neither table is in memory as a whole."""
     course = ["road", "vehicle", *varied, *_COURSE]
-    best = pd.DataFrame(columns=[*_CELL, *varied])
-    for part in _parts(cells, [*_CELL, *varied]):
-        table = part[part["fits"].notna() & part["outcome"].isin(["planned", "no plan"])]
-        table = table.assign(fits=table["fits"].astype(bool))
-        table = table if best.empty else pd.concat([best, table])
-        best = table.sort_values(["fits", "spare_m"], ascending=[False, False], na_position="last", kind="stable").drop_duplicates(course)
-    best = best[~best["fits"].astype(bool)]
+    judged = (
+        part[part["fits"].notna() & part["outcome"].isin(["planned", "no plan"])].astype({"fits": bool})
+        for part in _parts(cells, [*_CELL, *varied])
+    )
+    best = _best(judged, ["fits", "spare_m"], course)
+    best = best[~best["fits"]]
     kinds = [BREACH, DEAD_END, TIGHTEST, WIDENING]
     found = [part[part["kind"].isin(kinds) & part["key"].isin(best["key"])] for part in _parts(places, _PLACE)]
     if not any(map(len, found)):

@@ -38,7 +38,7 @@ def write_workbook(path: Path, cells: Path, varied: tuple[str, ...]) -> None:
     if not 0 < file.metadata.num_rows <= MOST_CELLS:
         path.unlink(missing_ok=True)
         return
-    wanted = ["road", "vehicle", *varied, *_WIDTHS, "word", "spare_m", "verdict_half_width_m", *_PLACE, *_OPTIONS]
+    wanted = ["road", "vehicle", *varied, *_WIDTHS, "word", "spare_m", "tracking_error_m", "verdict_half_width_m", *_PLACE, *_OPTIONS]
     table = file.read([*wanted, "outcome", "reason", "verdict"]).to_pandas()
     table.insert(2, "answer", table.pop("word").fillna(table["outcome"]))
     listed = table.drop(columns=["outcome"]).dropna(axis="columns", how="all")

@@ -43,6 +43,12 @@ def unpacked(column: dict[str, object]) -> FloatArray:
     return whole * float(str(column["scale"]))
 
 
+def test_the_page_says_how_far_the_driver_may_stray(plan: PlanFiles) -> None:
+    assert "0.123" not in report_html([plan], "One")
+    page = report_html([replace(plan, summary=plan.summary | {"tracking_error_m": 0.123})], "One")
+    assert re.search(r"tracking error.{,100}0\.123", page, re.DOTALL)
+
+
 def test_numbers_survive_packing_to_a_part_in_65000() -> None:
     values = np.array([0.0, 4.0, -3.999, np.nan, 1e-3])
     np.testing.assert_allclose(unpacked(packed(values)), values, atol=4.0 / 65534.0)  # half a scale

@@ -39,7 +39,7 @@ def test_a_study_ends_in_0_with_its_files_and_a_sentence(cli: Cli, study_file: P
     assert "places that need the least widening" in outcome.out
     assert outcome.out.endswith("written to out/\n")
     assert {path.name for path in Path("out").iterdir()} == {
-        "cells.parquet", "places.parquet", "ranking.csv", "map.html", "table.xlsx", "study.json", "parts"
+        "cells.parquet", "places.parquet", "ranking.csv", "straying.csv", "map.html", "table.xlsx", "study.json", "parts"
     }  # fmt: skip
     again = cli("study", str(study_file), "--out", "out", "--json")
     assert json.loads(again.out) == {"out": "out", "cells": 4, "outcomes": {"planned": 4}, "fits": {YES: 2, NO: 2}}

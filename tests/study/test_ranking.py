@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from hdvplan.study.cells import Row, cell_columns, place_columns
-from hdvplan.study.ranking import MERGED_M, ranking_of
+from hdvplan.study.ranking import MERGED_M, ranking_of, straying_of
 from hdvplan.study.store import LINES, POINTS, schema_of, write_rows
 
 METRE = 1.0 / 111_195.0  # of latitude, in degrees on a sphere of 6371 km
@@ -94,3 +94,17 @@ def test_roads_without_a_place_on_the_earth_lie_apart(tmp_path: Path, roads: tup
 def test_cells_that_fit_have_no_answer_or_no_limits_keep_nothing_out(tmp_path: Path) -> None:
     cells = [_cell("a", fits=True), _cell("b", fits=None), _cell("c", outcome="killed", fits=None)]
     assert _ranking(tmp_path, cells, [_place(key, 0.0, 0.1) for key in "abc"]).empty
+
+
+def test_courses_that_fit_are_told_by_how_far_their_drivers_may_stray(tmp_path: Path) -> None:
+    fits: Row = {"fits": True, "spare_m": 0.3, "tracking_length_m": 6.0}
+    cells = [
+        _cell("a", tracking_error_m=0.1) | fits,
+        _cell("b", objective="lead-axle", tracking_error_m=0.2, tracking_part="front corner") | fits,
+        _cell("c", "truck", tracking_error_m=0.15, tracking_part="rear axle") | fits,
+        _cell("d", half_width=2.5),
+    ]
+    assert _ranking(tmp_path, cells, []).empty
+    found = straying_of(tmp_path / "cells.parquet", ())
+    assert found[["rank", "vehicle", "tracking_error_m", "key"]].to_numpy().tolist() == [[1, "truck", 0.15, "c"], [2, "bus", 0.2, "b"]]
+    assert found["tracking_part"].tolist() == ["rear axle", "front corner"]
