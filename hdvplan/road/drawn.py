@@ -92,7 +92,7 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
         if len(part) > 1 and len(inside) and (path.closed or (np.min(s[part]) < path.length + BEYOND_M and np.max(s[part]) > -BEYOND_M)):
             along = part if _leads_on(s[inside], offset[inside]) else part[::-1]
             lap = path.length * np.floor(s[along[0]] / path.length) if path.closed else 0.0
-            found.append(Kerb(points[along], _rising(s[along], offset[along]) - lap, bool(offset[inside[0]] > 0.0)))
+            found.append(Kerb(points[along], rising(s[along], offset[along]) - lap, bool(offset[inside[0]] > 0.0)))
     return found, notes
 
 
@@ -131,7 +131,7 @@ def _weights(offset: FloatArray) -> FloatArray:
     return counts
 
 
-def _rising(s: FloatArray, offset: FloatArray) -> FloatArray:
+def rising(s: FloatArray, offset: FloatArray) -> FloatArray:
     """Return arclengths beside the points of a line that never fall.
 
     Round a side street in a bend the feet run far ahead of where the line comes back to the road: places near the road count there.

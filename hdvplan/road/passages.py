@@ -14,7 +14,7 @@ import scipy  # its subpackages load when they are first used
 import shapely
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
-from hdvplan.road.drawn import densely, within_lap
+from hdvplan.road.drawn import densely, rising, within_lap
 from hdvplan.road.path import PathPoint, ReferencePath
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import OPEN_M, Kind, Region, Side
@@ -119,7 +119,7 @@ class Line:
         yield from _arms(self.feet(_ring_beside(self, polygon)), self.path)
 
     def beside(self, points: FloatArray, s_from: float, s_to: float) -> FloatArray:
-        """Return the arclengths of points (n, 2) on a stretch of the line; those without a foot there lie between their neighbours [m]."""
+        """Return the arclengths of points (n, 2) on a stretch of the line, which never fall: see ``_filled`` [m]."""
         feet = self.feet(points)
         s = feet.s + (self.path.length * np.ceil((s_from - feet.s) / self.path.length) if self.path.closed else 0.0)
         feet = replace(feet, s=s).of((s >= s_from) & (s <= s_to))
@@ -193,8 +193,10 @@ def _nearest(feet: Feet) -> Feet:
 
 
 def _filled(count: int, feet: Feet) -> FloatArray:
-    """Return the arclengths of ``count`` points in a row: those without a foot lie between their neighbours [m]."""
-    return np.interp(np.arange(count), feet.point, feet.s)
+    """Return the arclengths of ``count`` points in a row, which never fall: those without a foot lie between their neighbours [m]."""
+    offset = np.full(count, OPEN_M)
+    offset[feet.point] = feet.offset
+    return rising(np.interp(np.arange(count), feet.point, feet.s), offset)
 
 
 def face_of(line: Line, polygon: shapely.Polygon, side: Side, street: Street) -> Iterator[Kerb]:
@@ -221,7 +223,8 @@ def _face(line: Line, outline: FloatArray, feet: Feet, side: Side, street: Stree
         count, last = len(outline), first
     at = (number[first] + np.arange(count + 1)) % len(outline)
     place = (number - number[first]) % len(outline)
-    s = np.maximum.accumulate(_filled(count + 1, _nearest(replace(feet, point=place))))
+    own = place <= count
+    s = _filled(count + 1, _nearest(replace(feet, point=place).of(own)))
     points = turned[at]
     if around:  # nothing is behind it
         s[-1] = s[0] + path.length

@@ -52,7 +52,7 @@ def _moved_out(line: Line, street: Street, kerb: Kerb, area: shapely.Geometry) -
             continue
         s = line.beside(points, s_from, s_to)
         s[0], s[-1] = s_from, s_to
-        parts.append(replace(part, points=points, s=np.maximum.accumulate(s)))
+        parts.append(replace(part, points=points, s=s))
         for hole in whole.interiors:
             if shapely.Polygon(hole).area > _LEAST_M2:
                 yield from face_of(line, shapely.Polygon(hole), side, street)

@@ -303,6 +303,29 @@ def test_a_kerb_round_a_side_street_inside_a_bend_is_beside_the_road_where_it_co
     assert np.all(np.diff(kerb.s) >= 0.0)
 
 
+@pytest.mark.parametrize("kind", list(Kind))
+def test_an_alley_into_an_area_inside_a_bend_leaves_what_follows_beside_its_own_place(kind: Kind) -> None:
+    """As with drawn kerbs: what follows was neither planned nor, beside a sweepable area, judged."""
+    path = from_curvature([0.0, 30.0, 31.0, 62.0, 63.0, 90.0], [0.0, 0.0, 0.05, 0.05, 0.0, 0.0])
+
+    def beside(*s: float) -> FloatArray:
+        return np.stack(path.to_plane(np.array(s), 3.0), axis=1)
+
+    mouth, ahead, after = beside(31.0, 35.0), np.array([0.0, 25.0]), np.arange(35.0, 81.0)
+    alley = np.stack([mouth[0], mouth[0] + ahead, mouth[1] + ahead, mouth[1]])
+    block = np.vstack([beside(*np.arange(10.0, 31.0)), alley, beside(*after), [[10.0, 45.0]]])
+    polygon = shapely.Polygon(block if kind is Kind.OBSTACLE else alley)
+    road = Road("bend", path, regions=(Region(kind, polygon),)).with_limits(3.0, 3.0)
+    assert road.bounds is not None
+    kerbs = road.passed if kind is Kind.OBSTACLE else road.bounds.kerbs
+    kerb = max((kerb for kerb in kerbs if kerb.left and not kerb.wheels), key=lambda kerb: len(kerb.s))
+    assert shapely.distance(shapely.LineString(kerb.points), shapely.Point(mouth[1] + 0.9 * ahead)) < 0.1  # it goes round the alley
+    places = np.stack(path.to_plane(after[1:26], 3.0), axis=1)
+    along = np.array([kerb.s[len(kerb.s) - 1 - np.argmin(np.hypot(*(kerb.points[::-1] - place).T))] for place in places])
+    np.testing.assert_allclose(along, after[1:26], atol=1.5)  # points of the kerb of a width stand up to a metre apart
+    assert np.all(np.diff(kerb.s) >= 0.0)
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_kerb_from_one_side_street_to_another_inside_a_bend_is_directed_as_the_road_is(turned: bool) -> None:
     """The outline of a block: feet of its first places lie beyond those of its last ones."""
