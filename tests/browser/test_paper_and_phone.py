@@ -62,7 +62,7 @@ def test_the_report_prints_on_whole_pages(browser: webdriver.Chrome, report: str
         "bus on uturn",
         "tractor-trailer on roundabout",
         "bus on long",
-        f"{NO}:",
+        f"bus on uturn {NO} ",
         NEEDS,
         "limit violation",
         "width between limits",
