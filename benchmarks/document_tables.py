@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from hdvplan.reproduce.study import STATUSES
+
 ROOT = Path(__file__).parents[1]
 _MILLI = 1e3
 _SAME_M = 1e-4  # an exact program that breaks limits by less sees what the planner sees
@@ -184,6 +186,12 @@ def drawn() -> list[str]:
 
 def _counted(number: int) -> str:
     return str(number) if number else "none"
+
+
+def published() -> list[str]:
+    """Return how many numbers are published, and how many of them are of each status."""
+    status = table("paper/summary.csv")["status"].dropna()
+    return [str(len(status)), *(str(int((status == one).sum())) for one in STATUSES)]
 
 
 def uturn_and_roundabout() -> list[str]:
