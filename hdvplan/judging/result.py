@@ -230,19 +230,9 @@ class Result:
         return "some steps by another solver" if self.rescued else "ok"
 
 
-def result_of(
-    drive: Drive,
-    *,
-    solver: str | SolverClass,
-    objective: str | Objective,
-    passed: tuple[Passed, ...] = (),
-    envelope: Envelope | None = None,
-) -> Result:
-    """Evaluate an executed drive; ``solver`` and ``objective`` are those of its case, ``passed`` how its obstacles are passed.
-
-    ``envelope`` is the drive's, if it is known: streets do not change it.
-    """
-    envelope = envelope or envelope_of(drive)
+def result_of(drive: Drive, *, solver: str | SolverClass, objective: str | Objective, passed: tuple[Passed, ...] = ()) -> Result:
+    """Evaluate an executed drive; ``solver`` and ``objective`` are those of its case, ``passed`` how its obstacles are passed."""
+    envelope = envelope_of(drive)
     curvature = shifted(drive.road.path.at(envelope.s).curvature, drive.bias.at(envelope.s), envelope.s)
     expected = CentringTable.of(drive.vehicle).at(curvature)
     case = Case(drive.road, drive.vehicle, objective, solver, drive.settings, drive.bias)

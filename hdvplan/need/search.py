@@ -15,10 +15,10 @@ import numpy as np
 from hdvplan import api
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError, PlanError, RoadError, SolverError
-from hdvplan.judging.balance import KEPT_M, gaps_of
+from hdvplan.judging.balance import KEPT_M, balance_of, gaps_of
 from hdvplan.judging.clearance import SIDES, touches_of
 from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.result import Result, result_of
+from hdvplan.judging.result import Result
 from hdvplan.planning.settings import Scheme
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
@@ -184,7 +184,9 @@ def _better(best: Least, question: Question, result: Result, room: float) -> Lea
 def on_road(result: Result, road: Road) -> Result:
     """Return the same drive judged on another road of the same line, whose regions it passes on the same sides."""
     there = replace(road, faces=result.drive.road.faces)
-    return result_of(replace(result.drive, road=there), solver=result.solver, objective=result.objective, envelope=result.envelope)
+    case, drive = replace(result.case, road=there), replace(result.drive, road=there)
+    balance = balance_of(drive, result.envelope)  # which no street changes
+    return replace(result, case=case, drive=drive, balance=balance, passed=(), proof=None, attempts=())
 
 
 def even(road: Road) -> Callable[[float], Road]:
