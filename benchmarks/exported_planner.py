@@ -33,12 +33,14 @@ _PROBE = """
 #include "sample.h"
 static struct hdvplan_memory memory;
 static int64_t gone; /* stations, from the tables */
-int begin(int64_t factorisations, int64_t linearisations) {
+int begin(void) {
     gone = 0;
     int agrees = hdvplan_begin(&memory, &sample_road);
+    return agrees;
+}
+void budget(int64_t factorisations, int64_t linearisations) {
     memory.planner.most_factorisations = factorisations;
     memory.planner.most_linearisations = linearisations;
-    return agrees;
 }
 void refresh(int64_t dropped) {
     static struct hdvplan_road road;
@@ -94,19 +96,24 @@ class ExportedPlanner:
         library = ctypes.CDLL(str(folder / "planner.so"))
         library.motion.restype = ctypes.POINTER(ctypes.c_double)
         library.step.argtypes = [ctypes.c_int64, ctypes.c_void_p, ctypes.c_double]
-        library.begin.argtypes = [ctypes.c_int64, ctypes.c_int64]
+        library.budget.argtypes = [ctypes.c_int64, ctypes.c_int64]
         self._library, self._stages, self._states = library, case.settings.stages, case.vehicle.states
         self._counts, self._violation = np.zeros(4, np.int64), np.zeros(1)
         self.begin(UNLIMITED)
 
     def begin(self, budget: Budget) -> None:
-        """Forget the last drive, and keep to a budget from now on."""
+        """Forget the last drive, and keep to a budget."""
         self.counts: list[tuple[str, int, int, int]] = []
         self.violations: list[float] = []
-        if self._library.begin(budget.factorisations, budget.linearisations) != 1:
+        if self._library.begin() != 1:
             msg = "vehicle.h was made for another core"
             raise RuntimeError(msg)
+        self.keep_to(budget)
         self._count()
+
+    def keep_to(self, budget: Budget) -> None:
+        """Keep to a budget from now on."""
+        self._library.budget(budget.factorisations, budget.linearisations)
 
     def _count(self) -> list[int]:
         """Return programs, factorisations and linearisations of the last step; note the size of the memory."""

@@ -86,24 +86,27 @@ static void wrong(struct tally *tally, const char *what) {
     fprintf(stderr, "step %ld: %s\n", tally->steps, what);
 }
 
-/* Whether all of the motion is finite, and its curvature within the limits and the changes that the vehicle can do. */
+/* Whether something steered lies within its limit, and within what it can change by from before. */
+static int within(int64_t number, double value, double before) {
+    return fabs(value) <= hdvplan_vehicle.most[number] + bounds_kept &&
+           fabs(value - before) <= hdvplan_vehicle.change[number] + bounds_kept;
+}
+
+/* Whether all of the motion is finite, and its curvature and wheels are steered as the vehicle can. */
 static void look(struct tally *tally, double kappa) {
-    int finite = isfinite(memory.planner.violation) != 0, within = 1;
-    double before = kappa;
+    int finite = isfinite(memory.planner.violation) != 0, can = 1;
     for (int64_t i = 0; i <= STAGES; i++) {
-        const double *z = hdvplan_motion(&memory, i);
-        for (int64_t j = 0; j < STATES; j++)
+        const double *z = hdvplan_motion(&memory, i), *before = hdvplan_motion(&memory, i > 0 ? i - 1 : 0);
+        for (int64_t j = 0; j < STATES + (i < STAGES); j++)
             finite &= isfinite(z[j]) != 0;
-        if (i < STAGES) {
-            finite &= isfinite(z[STATES]) != 0;
-            within &= fabs(z[STATES]) <= hdvplan_vehicle.most[0] + bounds_kept;
-            within &= fabs(z[STATES] - before) <= hdvplan_vehicle.change[0] + bounds_kept;
-            before = z[STATES];
-        }
+        for (int64_t wheel = 1; wheel <= WHEELS; wheel++)
+            can &= within(wheel, z[STATES - WHEELS + wheel - 1], before[STATES - WHEELS + wheel - 1]);
+        if (i < STAGES)
+            can &= within(0, z[STATES], i > 0 ? before[STATES] : kappa);
     }
     if (!finite)
         wrong(tally, "not finite");
-    if (!within)
+    if (!can)
         wrong(tally, "more than the vehicle can steer");
 }
 
@@ -153,14 +156,25 @@ plan(struct tally *tally, int64_t station, const double *state, double kappa, lo
     return status;
 }
 
+static double clipped(int64_t number, double value) {
+    double most = hdvplan_vehicle.most[number];
+    return fmax(-most, fmin(most, value));
+}
+
+/* Change a state by up to so much beside the road, and of every angle. No wheel is turned further than it can be. */
+static void disturb(double *state, double aside, double turned) {
+    for (int64_t j = 0; j < STATES; j++)
+        state[j] += j == 0 ? uniform(-aside, aside) : uniform(-turned, turned);
+    for (int64_t wheel = 1; wheel <= WHEELS; wheel++)
+        state[STATES - WHEELS + wheel - 1] = clipped(wheel, state[STATES - WHEELS + wheel - 1]);
+}
+
 /* A state near the road's stationary geometry, at a random scale. */
 static double start(int64_t station, double *state) {
     const double scales[] = {0.0, 0.1, 0.3, 1.0}, scale = scales[(int)uniform(0.0, 4.0)];
     memcpy(state, sample_road.states + station * STATES, STATES * sizeof(double));
-    for (int64_t j = 0; j < STATES; j++)
-        state[j] += scale * (j == 0 ? uniform(-2.0, 2.0) : uniform(-0.4, 0.4));
-    double most = hdvplan_vehicle.most[0], kappa = sample_road.curvatures[station] + scale * uniform(-0.1, 0.1);
-    return fmax(-most, fmin(most, kappa));
+    disturb(state, 2.0 * scale, 0.4 * scale);
+    return clipped(0, sample_road.curvatures[station] + scale * uniform(-0.1, 0.1));
 }
 
 /* Drive the plan's first steps; returns whether the model holds until their end. */
@@ -197,8 +211,7 @@ static void episode(struct tally *tally, long steps, long only) {
         kappa = hdvplan_motion(&memory, EXECUTED - 1)[STATES];
         station += EXECUTED;
         if (uniform(0.0, 1.0) < 0.1)
-            for (int64_t j = 0; j < STATES; j++)
-                state[j] += j == 0 ? uniform(-0.2, 0.2) : uniform(-0.03, 0.03);
+            disturb(state, 0.2, 0.03);
     }
 }
 

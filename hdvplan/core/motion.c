@@ -9,14 +9,16 @@
 #include "step.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "numbers.h"
 #include "sizes.h"
 #include "standing.h"
 
-static const double STEEPEST = 1.3;  /* largest heading error a plan may reach: the model's domain ends at pi/2 [rad] */
-static const double INSIDE = 0.05;   /* smallest 1 - e_y k a plan may reach */
-static const double SHORTEST = 1e-3; /* share of a step below which it is not taken at all */
+static const double STEEPEST = 1.3; /* largest heading error a plan may reach: the model's domain ends at pi/2 [rad] */
+static const double INSIDE = 0.05;  /* smallest 1 - e_y k a plan may reach */
+static const double BOUNDS_KEPT = 1e-6; /* of a program, by a solver [1/m, rad] */
+static const double SHORTEST = 1e-3;    /* share of a step below which it is not taken at all */
 
 /* A wanted value, brought within what can be steered from the one before. */
 static double steered(double wanted, double before, double change, double most) {
@@ -24,34 +26,53 @@ static double steered(double wanted, double before, double change, double most) 
     return larger(larger(highest, before - change), -most);
 }
 
-/* Extends a motion of which kept stages are known, and lets it begin at start (states,).
+/* Brings a value within what can be steered, one that is known only where it lies further beyond than a solver leaves
+ * it; whether that was so. */
+static int bring(double *value, int known, double before, double change, double most) {
+    double within = steered(*value, before, change, most);
+    if (known && fabs(within - *value) <= BOUNDS_KEPT)
+        return 0;
+    *value = within;
+    return known;
+}
+
+/* Takes the road's stationary states from stage kept on. */
+static void extend_states(const struct hdv_scene *scene, const double *states, int64_t kept) {
+    int64_t n = scene->states, begin = kept > 1 ? kept : 1;
+    for (int64_t i = begin; i <= scene->program.shape.stages; i++)
+        memcpy(state_at(scene->motion, n, i), states + i * n, (size_t)n * sizeof(double));
+}
+
+/* Extends a motion of which kept stages are known, and lets it begin at start (states,). Returns whether it has changed
+ * the steering of known stages: the vehicle is not where the last plan has led it.
  *
  * From stage kept on, and for the curvature that leads there, it takes the road's stationary geometry, states (N+1,
- * states) and curvatures (N+1,) [1/m], brought within what can be steered: at most most, changing by at most change a
- * station; of the curvature first, then of the wheels that the plan steers. A motion that keeps these bounds keeps them
- * after any share of a program's step. */
-void hdv_guess_motion(
+ * states) and curvatures (N+1,) [1/m]. All steering is brought within what the vehicle can do: at most most, changing
+ * by at most change a station; of the curvature first, then of the wheels that the plan steers. A motion that keeps
+ * these bounds keeps them after any share of a program's step. */
+int64_t hdv_guess_motion(
     const struct hdv_scene *scene, const double *start, const double *states, const double *curvatures, int64_t kept,
     const double *most, const double *change, int64_t wheels
 ) {
-    int64_t n = scene->states, last = scene->program.shape.stages;
-    for (int64_t j = 0; j < n; j++)
-        state_at(scene->motion, n, 0)[j] = start[j];
-    for (int64_t i = kept > 1 ? kept : 1; i <= last; i++) {
-        double *z = state_at(scene->motion, n, i), *before = state_at(scene->motion, n, i - 1);
-        for (int64_t j = 0; j < n; j++) {
-            int64_t wheel = j - (n - wheels) + 1;
-            double wanted = states[i * n + j];
-            double within =
-                wheel > 0 ? change_from(&scene->road[i - 1], scene->step, change[wheel], most[wheel]) : INFINITY;
-            z[j] = wheel > 0 ? steered(wanted, before[j], within, most[wheel]) : wanted;
+    int64_t n = scene->states, last = scene->program.shape.stages, brought = 0;
+    memcpy(state_at(scene->motion, n, 0), start, (size_t)n * sizeof(double));
+    extend_states(scene, states, kept);
+    for (int64_t i = 1; i <= last; i++)
+        for (int64_t wheel = 1; wheel <= wheels; wheel++) {
+            int64_t j = n - wheels + wheel - 1;
+            double within = change_from(&scene->road[i - 1], scene->step, change[wheel], most[wheel]);
+            double before = state_at(scene->motion, n, i - 1)[j];
+            brought |= bring(state_at(scene->motion, n, i) + j, i < kept, before, within, most[wheel]);
         }
-    }
-    for (int64_t i = kept > 1 ? kept - 1 : 0; i <= last; i++) {
-        double held = i > 0 ? state_at(scene->motion, n, i - 1)[n] : scene->kappa_before;
+    for (int64_t i = 0; i <= last; i++) {
+        double *kappa = state_at(scene->motion, n, i) + n, before = i > 0 ? kappa[-n - 1] : scene->kappa_before;
         double within = change_from(&scene->road[i], scene->step, change[0], most[0]);
-        state_at(scene->motion, n, i)[n] = steered(curvatures[i], held, within, most[0]);
+        int known = i < kept - 1;
+        if (!known)
+            *kappa = curvatures[i];
+        brought |= bring(kappa, known, before, within, most[0]);
     }
+    return brought;
 }
 
 /* Whether a motion, moved by so much of a solution, stays in the model's domain. */

@@ -108,7 +108,7 @@ HDV_EXPORT int64_t hdv_begin(struct hdv_planner *planner, int64_t first, double 
     scene->binding = !known || planner->binding;
     move_window(planner, first, kept);
     extend_guess(planner, kept);
-    hdv_guess_motion(
+    int64_t brought = hdv_guess_motion(
         scene, planner->start, planner->states + first * scene->states, planner->curvatures + first, kept,
         planner->most, planner->change, planner->wheels
     );
@@ -117,7 +117,7 @@ HDV_EXPORT int64_t hdv_begin(struct hdv_planner *planner, int64_t first, double 
     planner->violation = 0.0;
     planner->moved = INFINITY;
     planner->seconds_solve = planner->seconds_check = 0.0;
-    int found = linearise(planner, kept > 1 ? kept : 1, 1);
+    int found = linearise(planner, brought || kept < 1 ? 1 : kept, 1);
     planner->seconds_linearise = seconds() - began;
     return found ? HDV_SOLVE : HDV_LOST;
 }

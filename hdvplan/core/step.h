@@ -82,7 +82,7 @@ struct hdv_planner {
 HDV_EXPORT int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before);
 
 /* The motion that a step linearises at, and its merit. */
-HDV_EXPORT void hdv_guess_motion(
+HDV_EXPORT int64_t hdv_guess_motion(
     const struct hdv_scene *scene, const double *start, const double *states, const double *curvatures, int64_t kept,
     const double *most, const double *change, int64_t wheels
 );

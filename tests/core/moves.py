@@ -8,7 +8,7 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.qp.program import StageQp, StageSolution
 
-_GUESS = core.function("hdv_guess_motion", *(core.POINTER,) * 4, core.INT, core.POINTER, core.POINTER, core.INT)
+_GUESS = core.function("hdv_guess_motion", *(core.POINTER,) * 4, core.INT, core.POINTER, core.POINTER, core.INT, returns=core.INT)
 _TAKE_STEP = core.function("hdv_take_step", core.POINTER, core.POINTER, core.REAL, returns=core.REAL)
 _L1_WEIGHTS = core.function("hdv_l1_weights", core.POINTER, core.POINTER, core.INT, core.POINTER, returns=core.INT)
 _DEFECT_PRICE = core.function("hdv_defect_price", core.POINTER, core.INT, core.POINTER, returns=core.REAL)
@@ -16,16 +16,16 @@ _DEFECT_PRICE = core.function("hdv_defect_price", core.POINTER, core.INT, core.P
 
 def guess(
     scene: Records, z_start: FloatArray, states: FloatArray, curvatures: FloatArray, kept: int, most: FloatArray, change: FloatArray
-) -> None:
+) -> bool:
     """Extend the motion of a ``scene``, a record of ``SCENE``, of which ``kept`` stages are known, and let it begin at ``z_start``.
 
     From stage ``kept`` on, and for the curvature that leads there, it takes the road's stationary geometry ``states`` (N+1, n) and
-    ``curvatures`` (N+1,), brought within what can be steered: at most ``most``, changing by at most ``change`` a station; of the
-    curvature first, then of the wheels that the plan steers. A motion that keeps these bounds keeps them after any share of a QP's step.
+    ``curvatures`` (N+1,). All steering is brought within what the vehicle can do: at most ``most``, changing by at most ``change`` a
+    station; of the curvature first, then of the wheels that the plan steers. Returns whether steering of known stages was changed.
     """
     start = np.ascontiguousarray(z_start, float)
     arrays = map(core.address, (scene, start, states, curvatures))
-    _GUESS(*arrays, kept, core.address(most), core.address(change), len(most) - 1)
+    return bool(_GUESS(*arrays, kept, core.address(most), core.address(change), len(most) - 1))
 
 
 def take_step(scene: Records, solution: StageSolution, share: float) -> float:

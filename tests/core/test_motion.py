@@ -36,35 +36,46 @@ def filled(random: np.random.Generator) -> StageSolution:
     return solution
 
 
-def steered(wanted: FloatArray, begin: int, before: float, changes: FloatArray, most: float) -> FloatArray:
-    """Return values that are wanted from number ``begin`` on, as far as can be steered: each may differ so much from the one before."""
+def steered(wanted: FloatArray, begin: int, known: int, before: float, changes: FloatArray, most: float) -> FloatArray:
+    """Return values that are wanted from number ``begin`` on, as far as can be steered: each may differ so much from the one before.
+
+    Those before number ``known`` stay where they lie no further beyond than a solver leaves a bound.
+    """
     values = wanted.copy()
     for i in range(begin, len(values)):
         held = values[i - 1] if i > 0 else before
-        values[i] = np.clip(np.clip(wanted[i], held - changes[i], held + changes[i]), -most, most)
+        within = np.clip(np.clip(wanted[i], held - changes[i], held + changes[i]), -most, most)
+        values[i] = wanted[i] if i < known and abs(within - wanted[i]) <= 1e-6 else within
     return values
 
 
-@given(seed=draws, kept=st.integers(0, STAGES + 1))
+@given(seed=draws, kept=st.integers(0, STAGES + 1), joins=st.booleans())
 @few
-def test_a_motion_is_extended_by_what_is_wanted_and_can_be_steered(seed: int, kept: int) -> None:
+def test_a_motion_is_extended_by_what_is_wanted_and_all_of_it_can_be_steered(seed: int, kept: int, joins: bool) -> None:
     random = np.random.default_rng(seed)
     motion, before = moving(random), float(random.uniform(-0.1, 0.1))
-    most, change = random.uniform([0.1, 0.3], [0.2, 0.4]), random.uniform(0.01, 0.1, 2)  # the motion itself keeps them
-    z, kappa, start = motion.z.copy(), motion.stages["kappa"].copy(), random.uniform(-0.3, 0.3, 4)
-    states, curvatures = random.uniform(-0.6, 0.6, z.shape), random.uniform(-0.3, 0.3, len(kappa))
+    most, change = random.uniform([0.1, 0.3], [0.2, 0.4]), random.uniform(0.01, 0.1, 2)
+    start = random.uniform(-0.3, 0.3, 4)
+    states, curvatures = random.uniform(-0.6, 0.6, motion.z.shape), random.uniform(-0.3, 0.3, STAGES + 1)
     road = np.zeros(STAGES + 1, STATION)
     road["step"] = random.choice([0.5, 0.25, 0.0, -0.25, -0.5], len(road))  # backwards, too; and the vehicle stands
-    guess(record_of(motion, SHAPE, road=road, step=0.5, before=before), start, states, curvatures, kept, most, change)
     within = np.where(road["step"] == 0.0, 2.0 * most[:, None], change[:, None] * np.abs(road["step"]) / 0.5)
-    begin = max(kept, 1)
-    z[0], z[begin:] = start, states[begin:]
-    z[:, 3] = steered(z[:, 3], begin, np.nan, np.append(np.nan, within[1, :-1]), most[1])
-    begin = max(kept - 1, 0)
-    kappa[begin:] = curvatures[begin:]
-    kappa[:] = steered(kappa, begin, before, within[0], most[0])
+    turns = np.append(np.nan, within[1, :-1])
+    motion.z[0] = start
+    if joins:  # the last plan has led here, but for what a solver leaves of its bounds
+        motion.z[:, 3] = steered(motion.z[:, 3], 1, 0, np.nan, turns, most[1])
+        motion.stages["kappa"] = steered(motion.stages["kappa"], 0, 0, before, within[0], most[0])
+        motion.stages["kappa"] += random.uniform(-4e-7, 4e-7, STAGES + 1)
+    z, kappa, begin = motion.z.copy(), motion.stages["kappa"].copy(), (max(kept, 1), max(kept - 1, 0))
+    known = z[: begin[0], 3].copy(), kappa[: begin[1]].copy()
+    brought = guess(record_of(motion, SHAPE, road=road, step=0.5, before=before), start, states, curvatures, kept, most, change)
+    z[begin[0] :], kappa[begin[1] :] = states[begin[0] :], curvatures[begin[1] :]
+    z[:, 3] = steered(z[:, 3], 1, begin[0], np.nan, turns, most[1])
+    kappa = steered(kappa, 0, begin[1], before, within[0], most[0])
     assert np.array_equal(motion.z, z)
     assert np.array_equal(motion.stages["kappa"], kappa)
+    assert brought == (np.any(z[: begin[0], 3] != known[0]) or np.any(kappa[: begin[1]] != known[1]))
+    assert not (joins and brought)
 
 
 @given(seed=draws, size=st.sampled_from([0.1, 1.0, 10.0, 1e3, 1e6]), share=st.sampled_from([1.0, 0.5, 0.125]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import shutil
 import subprocess
 import sys
@@ -127,6 +128,24 @@ def test_a_step_keeps_to_its_budget_and_its_motion_to_the_vehicle(tight: Exporte
         assert np.max(np.abs(states[:, 0] - motion[: len(states), 0])) < 5e-3
         stepper.arrive(states[-1], float(motion[stepper.count - 1, -1]))
     assert any(status == "spent" for status, *_ in tight.counts)
+
+
+@pytest.mark.parametrize("factorisations", [1, 6, 20])
+def test_a_step_from_another_curvature_than_its_last_plan_s_steers_what_the_vehicle_can(
+    tight: ExportedPlanner, factorisations: int
+) -> None:
+    """However early the budget ends: the last plan's steering is brought within reach before anything is solved."""
+    most, change = TIGHT.vehicle.max_curvature, TIGHT.vehicle.max_curvature_rate * TIGHT.settings.step
+    start, ended = np.zeros(TIGHT.vehicle.states), set()
+    for station, before, off in itertools.product((40, 80, 120), (-most, most), ([1.2, 0.3], [-1.2, -0.3], [1.2, -0.3])):
+        tight.begin(UNLIMITED)
+        tight.step(station, start, 0.0)
+        tight.keep_to(Budget(factorisations, 3))
+        kappa = np.array([before, *tight.step(station + 10, np.array(off), before)[:-1, -1]])
+        ended.add(tight.counts[-1][0])
+        assert np.max(np.abs(kappa)) <= most + 1e-6  # of a solver's bounds
+        assert np.max(np.abs(np.diff(kappa))) <= change + 1e-6
+    assert "spent" in ended
 
 
 def test_a_state_outside_the_model_or_the_tables_has_no_plan(tight: ExportedPlanner) -> None:

@@ -93,8 +93,8 @@ class Step:
         centring, here = scene.stations.centring, slice(horizon.first, horizon.first + count)
         scene.begin(horizon)
         states, curvatures = (np.ascontiguousarray(array[here]) for array in (centring.states, centring.kappa))
-        guess(scene.record, z_start, states, curvatures, kept, self.most, self.change)
-        assert all(part.extend(horizon, max(kept, 1)) == -1 for part in self.parts)
+        brought = guess(scene.record, z_start, states, curvatures, kept, self.most, self.change)
+        assert all(part.extend(horizon, 1 if brought else max(kept, 1)) == -1 for part in self.parts)
 
     def _move(self, horizon: Horizon, point: StageSolution, worth: float | None, found: Planned) -> int:
         """Move by a solution, halved until the merit is no larger than ``worth``; return how often."""
