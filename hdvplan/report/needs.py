@@ -14,8 +14,9 @@ from hdvplan.fileio import Together, json_bytes
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import place_text, proof_text, tracking_line
 from hdvplan.need.answer import Bound, Need, Place
+from hdvplan.need.land import Patch
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least, on_road
-from hdvplan.need.widening import Patch, Widening, Widenings
+from hdvplan.need.widening import Widening, Widenings
 from hdvplan.record import NAME, record_of
 from hdvplan.report.colours import BREACH
 from hdvplan.report.files import DRAWINGS, PICTURES, drawn_bytes

@@ -11,8 +11,9 @@ from hdvplan.case import Case
 from hdvplan.errors import PlanError
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, edge_need_of, need_of
+from hdvplan.need.land import around, moved, on_kerbs
 from hdvplan.need.search import Least, kerbs_on, on_road, spare_of
-from hdvplan.need.widening import Widenings, around, least_widenings, moved, on_kerbs, own_plans
+from hdvplan.need.widening import Widenings, least_widenings, own_plans
 from hdvplan.report.needs import need_json, need_lines, shown_plan
 from hdvplan.road.limits import Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
@@ -56,6 +57,14 @@ def test_the_least_area_is_smaller_and_the_least_depth_shallower(found: Widening
     assert found.depth.depth < found.area.depth
     # An even widening by what is lacking would do, and no even widening by clearly less: 2 cm are tolerances of need and verdict.
     assert LACK_M - 0.03 < found.depth.depth < LACK_M + 0.03
+
+
+def test_kerbs_on_both_sides_need_no_more_area_than_those_on_one_side_alone(narrow: Case, found: Widenings) -> None:
+    assert found.area is not None
+    for side in BOTH:
+        alone = least_widenings(narrow, own_plans(narrow), (side,))
+        assert alone.area is not None
+        assert found.area.area <= alone.area.area + 1e-6  # rounding
 
 
 def test_the_drawing_shows_the_plan_that_the_widening_belongs_to(narrow: Case, found: Widenings) -> None:
