@@ -141,7 +141,7 @@ def test_overhangs_that_need_room_of_their_own_are_told_apart() -> None:
     ends, one = np.array([0.0, 110.0]), np.ones(2)
     case = bend_of_16_m()
     road = case.road.within(Limits(ends, 2.3 * one, -2.3 * one, 2.3 * one, -2.31 * one))
-    found = least_widenings(replace(case, road=road), own_plans(replace(case, road=road)))
+    found = least_widenings(replace(case, road=road), own_plans(replace(case, road=road)), ("right",))
     assert found.area is not None
     assert {(patch.side, patch.region) for patch in found.area.patches} >= {("right", "sweepable")}
 
