@@ -32,6 +32,8 @@ if not TYPE_CHECKING:  # else a type checker would believe in any name
         try:
             home = import_module(f"hdvplan.study.{homes.get(name, 'pools')}")
         except ModuleNotFoundError as error:
+            if error.name not in {"pebble", "pyarrow"}:  # those of the extra
+                raise
             msg = f"a study needs {error.name}, which is not installed"
             raise OptionError(msg, hint="pip install pebble pyarrow") from error
         return getattr(home, name)

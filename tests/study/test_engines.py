@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import hdvplan.study
 from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.study import work
 from hdvplan.study.cells import Cell, cells_of
@@ -183,6 +184,15 @@ def test_a_study_without_its_extra_is_refused_in_one_line(missing: str, tmp_path
     assert (ended.returncode, ended.stdout) == (2, "")
     assert f"a study needs {missing}, which is not installed" in ended.stderr
     assert "pip install pebble pyarrow" in ended.stderr
+
+
+def test_any_other_module_that_is_missing_is_no_matter_of_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(_: str) -> None:
+        raise ModuleNotFoundError(name="numexpr")
+
+    monkeypatch.setattr(hdvplan.study, "import_module", missing)
+    with pytest.raises(ModuleNotFoundError):
+        hdvplan.study.LocalEngine  # noqa: B018 - loads it
 
 
 class Gone:
