@@ -135,9 +135,8 @@ def legs_road(answer: Answer) -> Json:
     allowed = [site.overhang] * len(site.blocks) + [site.beyond_ends] * len(answer.walls)
     for block, overhang in zip(answer.blocks, allowed, strict=True):
         solid, whole = block.eroded(overhang).area(view), block.area(view)
-        features.append(feature(solid, {"name": block.name, "region": "obstacle"}))
-        if overhang > 0.0:
-            features.append(feature(shapely.difference(whole, solid), {"name": block.name, "region": "sweepable"}))
+        areas = {"obstacle": solid, "sweepable": shapely.difference(whole, solid)}
+        features += [feature(area, {"name": block.name, "region": kind}) for kind, area in areas.items() if not area.is_empty]
     note = f"{answer.vehicle.name}, {answer.template}; drawn about longitude 0, latitude 0: no place on earth"
     return {"type": "FeatureCollection", "name": f"{answer.template}", "note": note, "features": features}
 

@@ -53,6 +53,16 @@ def test_the_poses_tell_leg_and_direction_and_go_on_at_the_cusps(cli: Cli, tmp_p
     assert poses["heading"].iloc[-1] == pytest.approx(np.pi, abs=1e-8)
 
 
+def test_blocks_out_of_view_are_no_areas_of_the_road_file(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
+    """The neighbours of a dock askew stand apart; `plan` refused the areas without a point that were written for them."""
+    cli("turn", "--vehicle", "WB-62", "--template", "dock-45", "--no-plot", "--quiet")
+    file = tmp_path / "dock-45.WB-62" / "legs.geojson"
+    areas = [one for one in json.loads(file.read_text(encoding="utf-8"))["features"] if "region" in one["properties"]]
+    assert areas
+    assert all(area["geometry"]["coordinates"] for area in areas)
+    assert cli("plan", str(file), "--vehicle", "WB-62", "--no-plot").code in {0, 1}
+
+
 def test_what_does_not_fit_ends_in_1_and_says_what_does(cli: Cli, refuse_file: str) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", refuse_file, "--template", "three-point", "--width", "9.5", "--no-plot")
     assert outcome.code == 1
