@@ -18,7 +18,7 @@ from hdvplan.cli.options import Output, RoadArgument, Room, VehiclesOption, chec
 from hdvplan.cli.outcome import cleared, compare, exit_code_of, looked_again, tell, write
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
-from hdvplan.planning.settings import PlannerSettings, PlanOptions
+from hdvplan.planning.settings import LARGEST, PlannerSettings, PlanOptions
 from hdvplan.road.options import RoadOptions
 from hdvplan.settings import choice, fields_of
 
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from hdvplan.vehicle.model import Vehicle
 
 
-_LARGEST = "max"  # instead of a clearance
 _OTHERS = tuple(name for name in fields_of(PlannerSettings) if name != "clearance")
 
 
@@ -103,7 +102,7 @@ def plan(
     Exit code 0: the driven path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or may with the
     --tracking-error, or no plan exists. 2: bad input.
     """
-    largest = clearance == _LARGEST
+    largest = clearance == LARGEST
     settings = settings if largest else replace(settings, clearance=_metres(clearance))
     if leg_line is not None:
         choice("--leg-line", leg_line, (LEAD, LAST))
@@ -177,7 +176,7 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
 
     output, bias = asked.output, asked.options.bias
     dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
-    dropped |= {f"--clearance {_LARGEST}": asked.largest}
+    dropped |= {f"--clearance {LARGEST}": asked.largest}
     dropped |= {"--tracking-error": asked.settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*_kinds(output)} & {*DRAWINGS})}
     refuse_on(line, dropped)
     check_room(vehicle, asked.reaches)
@@ -199,7 +198,7 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
     options, output, settings = asked.options, asked.output, asked.settings
     dropped = {
         "--bias": options.bias is not None,
-        f"--clearance {_LARGEST}": asked.largest,
+        f"--clearance {LARGEST}": asked.largest,
         "--tracking-error": settings.tracking_error > 0.0,
         "--pass": options.side is not None,
     }
@@ -246,5 +245,5 @@ def _metres(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        msg = f"--clearance must be a number of metres or {_LARGEST}, not {text!r}"
+        msg = f"--clearance must be a number of metres or {LARGEST}, not {text!r}"
         raise OptionError(msg) from None

@@ -32,6 +32,7 @@ class Discretisation(StrEnum):
 
 SHORTEST_STEP_M = 0.01  # below the accuracy that limits are judged with; a road has a station every step
 _FREE_M = 1e4
+LARGEST = "max"  # instead of a clearance: as much as can be kept
 MOST_STAGES = 20_000  # of one horizon: ten times what was ever measured, and what memory holds
 
 

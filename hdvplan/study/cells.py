@@ -64,6 +64,7 @@ class Cell:
             "bias": setup.bias,
             "pass": None if setup.side is None else str(setup.side),
             **{f"settings_{name}": _plain(getattr(setup.settings, name)) for name in SETTINGS},
+            **({"settings_clearance": None} if setup.clearest else {}),  # what was found to be kept is in the answer
         }
 
 

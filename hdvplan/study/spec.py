@@ -15,7 +15,7 @@ from hdvplan.case import content_digest
 from hdvplan.errors import OptionError
 from hdvplan.machine import software
 from hdvplan.planning.objective_names import check_objective
-from hdvplan.planning.settings import OBJECTIVE_NAMES, PlannerSettings, Scheme
+from hdvplan.planning.settings import LARGEST, OBJECTIVE_NAMES, PlannerSettings, Scheme
 from hdvplan.plugins import OBJECTIVE, SOLVER, digest_of, identity_of, is_reference, version_of
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Side
@@ -25,7 +25,7 @@ from hdvplan.study.inputs import RoadSource, RoadTable, Variant, refuse_many, ro
 
 _READING = ("smooth", "crs", "unit", "corners", "corner_radius")  # settings that every cell has in common, as proof and refine
 _PLANNER = {name: field.kind for name, field in fields_of(PlannerSettings).items() if field.setting.words and name != "scheme"}
-_VARIED = _PLANNER | {"offset": float, "reverse": bool, "bias": float | str, "pass": Side}  # each may be a list
+_VARIED = _PLANNER | {"clearance": float | str, "offset": float, "reverse": bool, "bias": float | str, "pass": Side}  # each may be a list
 _COMMON: dict[str, Any] = {name: fields_of(RoadOptions)[name].kind for name in _READING} | {"proof": bool, "refine": bool}
 _ENTRIES: dict[str, Any] = {name: tuple.__class_getitem__((kind, ...)) for name, kind in _VARIED.items()} | _COMMON
 _Settings: Any = TypedDict("_Settings", _ENTRIES, total=False)  # type: ignore[misc] # it is made of the fields
@@ -69,6 +69,7 @@ class Setup:
     bias: str | None = None  # as ``hdvplan plan --bias`` takes it
     bias_digest: str | None = None  # of the content of its file, where it has one
     side: Side | None = None  # on which obstacles on the line are passed; None: the better one
+    clearest: bool = False  # with the largest clearance that can be kept
 
 
 _Parts = tuple[tuple[RoadSource, ...], tuple[Variant, ...], tuple[Width | None, ...], tuple[str, ...], tuple[str, ...], tuple[Setup, ...]]
@@ -163,6 +164,9 @@ def study_of(entries: Mapping[str, object], folder: Path = Path()) -> Study:
         need=table.need,
         reading=reading,
     )
+    if study.need and any(setup.clearest for setup in study.setups):
+        msg = f"need = true finds the least room with a clearance that is given; clearance = {LARGEST!r} has none"
+        raise OptionError(msg, hint="give the clearance in metres, or make two studies")
     refuse_many(prod(map(len, study.parts)), "cells", _MOST_CELLS)
     return study
 
@@ -216,10 +220,14 @@ def _setups(schemes: Sequence[Scheme], lists: dict[str, Any], folder: Path) -> t
     found = []
     for scheme, *values in product(schemes, *lists.values()):
         chosen: dict[str, Any] = dict(zip(lists, values, strict=True))
+        clearest = isinstance(chosen.get("clearance"), str)
+        if clearest and chosen.pop("clearance") != LARGEST:
+            msg = f"clearance must be a number of metres or {LARGEST!r}"
+            raise OptionError(msg)
         planner = PlannerSettings(scheme=scheme, **{name: chosen[name] for name in _PLANNER if name in chosen})
         bias, bias_digest = chosen.get("bias", (None, None))
         offset = chosen.get("offset", 0.0)
-        found.append(Setup(planner, offset, chosen.get("reverse", False), bias, bias_digest, chosen.get("pass")))
+        found.append(Setup(planner, offset, chosen.get("reverse", False), bias, bias_digest, chosen.get("pass"), clearest))
     return tuple(found)
 
 

@@ -20,12 +20,13 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case, content_digest
 from hdvplan.errors import HdvplanError, OptionError, PlanError, QpDataError, RoadError, SolverError
 from hdvplan.fileio import write_atomically
-from hdvplan.finer import replanned
+from hdvplan.finer import clearest, replanned
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.machine import software
 from hdvplan.need.answer import need_of
 from hdvplan.pieces import Piece, pieces_of, planned
 from hdvplan.planning.bias import CENTRE
+from hdvplan.planning.settings import LARGEST
 from hdvplan.plugins import digest_of as file_digest
 from hdvplan.plugins import error_text
 from hdvplan.report.joined import digest_of, joined_summary, kept_of
@@ -84,7 +85,7 @@ def _answer(cell: Cell, row: Row, places: list[Row]) -> str:
     else:
         case = _case(cell, road)
         row["case"] = case.key
-        ending = _plan(case, row, places, prove=cell.prove, refine=cell.refine)
+        ending = _plan(cell, case, row, places)
     if cell.need:
         _need(cell, road, row, places)
     return ending
@@ -112,15 +113,17 @@ def _case(cell: Cell, road: Road) -> Case:
     return case if cell.setup.bias is None else api.biased(case, cell.setup.bias)
 
 
-def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool) -> str:
+def _plan(cell: Cell, case: Case, row: Row, places: list[Row]) -> str:
     try:
         result = api.plan(case)
     except _UNPLANNED as error:
         return _no_plan(error, case.road, 0.0, row, places)
-    if prove and verdict_of(result).fits is False:
+    if cell.prove and verdict_of(result).fits is False:
         result = api.prove(result)
-    if refine:
+    if cell.refine:
         result = replanned(result)
+    if cell.setup.clearest:
+        result = clearest(result)
     summary = summary_of(result, forecast=False)  # no column of a study has it
     row["case"] = result.case.key  # of the stations that it was planned with
     row |= taken(summary, SUMMARY) | taken(summary, STEPS)
@@ -130,8 +133,9 @@ def _plan(case: Case, row: Row, places: list[Row], *, prove: bool, refine: bool)
 
 def _plan_pieces(cell: Cell, found: Found, row: Row, places: list[Row]) -> str:
     """Plan a long road as ``hdvplan plan`` does, piece by piece: memory does not grow with it. There are no proofs and finer plans."""
-    if cell.setup.bias == CENTRE:
-        msg = f"the bias {CENTRE} is not for roads of more than {LONG_M / 1e3:.0f} km"
+    refused = {f"bias {CENTRE}": cell.setup.bias == CENTRE, f"clearance {LARGEST}": cell.setup.clearest}
+    for asked in (name for name, given in refused.items() if given):
+        msg = f"{asked} is not for roads of more than {LONG_M / 1e3:.0f} km"
         raise OptionError(msg)
     taken_: list[Piece] = []
 

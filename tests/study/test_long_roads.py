@@ -89,10 +89,11 @@ def test_where_a_piece_has_no_plan_the_cell_has_the_place_on_the_whole_road(long
     assert place["lon"] == pytest.approx(9.3 + 6000.0 / 75_900.0, abs=2e-3)  # waves are longer than their chord
 
 
-def test_the_middle_between_limits_is_refused_on_long_roads(long_folder: Path) -> None:
-    (row,) = _run(long_folder, {"vehicles": ["bus"], "half_widths": [3.5], "settings": {"bias": "centre"}}).cells().to_dict("records")
+@pytest.mark.parametrize(("setting", "value"), [("bias", "centre"), ("clearance", "max")])
+def test_what_needs_the_whole_road_is_refused_on_long_roads(long_folder: Path, setting: str, value: str) -> None:
+    (row,) = _run(long_folder, {"vehicles": ["bus"], "half_widths": [3.5], "settings": {setting: value}}).cells().to_dict("records")
     assert row["outcome"] == "refused"
-    assert "is not for roads of more than" in row["reason"]
+    assert row["reason"].startswith(f"{setting} {value} is not for roads of more than")
 
 
 def test_of_obstacles_those_that_are_entered_beyond_the_road_s_ends_are_places() -> None:

@@ -22,7 +22,7 @@ from hdvplan.answers import NEEDS
 from hdvplan.errors import OptionError
 from hdvplan.report.summary import summary_of
 from hdvplan.study.cells import PARALLEL, SUMMARY, Cell, cells_of, taken
-from hdvplan.study.conduct import Results, run
+from hdvplan.study.conduct import STRAYING, Results, run
 from hdvplan.study.engine import KILLED, Ending, ended
 from hdvplan.study.pools import outcome_of
 from hdvplan.study.spec import study_of
@@ -235,6 +235,18 @@ def test_needs_are_columns_and_widenings_are_places(folder: Path) -> None:
     widened = places[places["kind"] == "widening"]
     assert widened["area_m2"].sum() == pytest.approx(row["need_widening_m2"], rel=1e-6)  # here the patches do not overlap
     assert results.ranking()["widening_m2"].tolist() == [widened["area_m2"].max()]  # they lie in one place
+
+
+def test_a_clearance_may_be_the_largest_that_can_be_kept(folder: Path) -> None:
+    """It is a course of its own beside one without, and tells what it keeps."""
+    entries: Entries = {"roads": ["bend.csv"], "vehicles": ["bus"], "half_widths": [1.7]}
+    results = _run(folder, entries | {"settings": {"horizon": 30, "clearance": [0.0, "max"], "offset": 0.1}})
+    none, largest = results.cells().to_dict("records")
+    assert (none["settings_clearance"], none["clearance_wanted_m"], none["fits"], largest["fits"]) == (0.0, 0.0, True, True)
+    assert np.isnan(largest["settings_clearance"])
+    assert largest["clearance_wanted_m"] + largest["spare_m"] > none["spare_m"] + 0.01
+    assert largest["tracking_error_m"] > none["tracking_error_m"]
+    assert len(pd.read_csv(results.folder / STRAYING)) == 2
 
 
 def test_offsets_directions_and_varied_parameters_are_columns(folder: Path) -> None:

@@ -84,6 +84,16 @@ def test_settings_that_are_lists_are_combined(folder: Path) -> None:
     assert (study.reading.smooth, study.prove) == (2.0, True)
 
 
+def test_a_clearance_is_metres_or_the_largest_that_can_be_kept(folder: Path) -> None:
+    study = study_of(BASE | {"settings": {"clearance": [0.0, "max"]}}, folder)
+    assert [(setup.settings.clearance, setup.clearest) for setup in study.setups] == [(0.0, False), (0.0, True)]
+    assert len({cell.key for cell in cells_of(study)}) == len(study)
+    with pytest.raises(OptionError, match="clearance must be a number of metres or 'max'"):
+        study_of(BASE | {"settings": {"clearance": "most"}}, folder)
+    with pytest.raises(OptionError, match="need = true finds the least room with a clearance that is given"):
+        study_of(BASE | {"settings": {"clearance": ["max"]}, "need": True}, folder)
+
+
 def test_left_and_right_are_pairs() -> None:
     assert study_of(BASE | {"left": [3.0, 3.5], "right": [2.5, 2.5]}).widths == (Width(3.0, 2.5), Width(3.5, 2.5))
     assert study_of(BASE | {"left": [2.0, 2.5], "right": [3.0, 3.5]}).widths == (Width(2.0, 3.0), Width(2.5, 3.5))
