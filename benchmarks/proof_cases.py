@@ -21,7 +21,7 @@ from hdvplan.driving.start import start_of
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import corners
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.planning.bias import Bias
@@ -115,14 +115,14 @@ def steered(rng: np.random.Generator, road: Road, vehicle: Vehicle, *, sudden: b
 
 def as_narrow(rng: np.random.Generator, drive: Drive) -> Road:
     """Return the drive's road with limits and obstacles that it just keeps, in places with some room to spare."""
-    envelope = envelope_of(drive)
+    envelope = Envelope(drive)
     give = KEPT_M - _INSIDE_M
     spare = rng.choice([0.0, 0.02, 0.2]) * np.maximum(rng.normal(size=(2, len(envelope.s))), 0.0)
     low, high = (_known(reach) for reach in (envelope.reach_right, envelope.reach_left))
     sweep = high - give + spare[0], low + give - spare[1]
     inner = sweep
     if rng.random() < 0.3:  # noqa: PLR2004 - overhangs have room of their own in some
-        axles = envelope_of(drive, axles_only=True)
+        axles = Envelope(drive, axles_only=True)
         inner = _known(axles.reach_left) - give, _known(axles.reach_right) + give
         inner = np.minimum(inner[0], sweep[0]), np.maximum(inner[1], sweep[1])
     road = replace(drive.road, limits=None, faces=None)

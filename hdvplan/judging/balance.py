@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -42,15 +43,28 @@ class Breach:
 class Balance:
     """The envelope in numbers. Reaches are positive [m]."""
 
-    max_left: float  #: [m]
-    max_right: float  #: [m]
-    mean_abs_imbalance: float  #: mean over s of the absolute value of left(s) + right(s) [m]
+    envelope: Envelope
     expected_half_width: float  #: of the geometric weight, at the road's largest curvature [m]
     saturated: bool  #: whether no balanced circle is as tight as the road
     min_clearance: float | None  #: to edges and obstacles; negative when one is broken; None without limits [m]
     breaches: tuple[Breach, ...]  #: deeper than KEPT_M, in order of s
     approaches: tuple[Approach, ...] = ()  #: nearest to each obstacle
     touches: Touches = field(default_factory=dict)  #: where bodies came nearest to the kerbs, beside the envelope's stations
+
+    @cached_property
+    def max_left(self) -> float:
+        """Largest left reach [m]."""
+        return float(np.max(self.envelope.reach_left))
+
+    @cached_property
+    def max_right(self) -> float:
+        """Largest right reach [m]."""
+        return float(-np.min(self.envelope.reach_right))
+
+    @cached_property
+    def mean_abs_imbalance(self) -> float:
+        """Mean over s of the absolute value of left(s) + right(s) [m]."""
+        return float(np.mean(np.abs(self.envelope.reach_left + self.envelope.reach_right)))
 
     @property
     def imbalance(self) -> float:
@@ -70,16 +84,13 @@ class Balance:
 
 def balance_of(drive: Drive, envelope: Envelope) -> Balance:
     """Reduce a drive's envelope, and what it left of its street, to the numbers that the tables show."""
-    left, right = envelope.reach_left, envelope.reach_right
     k = drive.road.path.at(envelope.s).curvature
     tightest = CentringTable.of(drive.vehicle).at(np.array([np.max(np.abs(k))]))
     near = approaches(drive)
     touches = touches_of(drive, envelope.s)
     clearance, breaches = _clearance(drive, envelope.s, touches, near)
     return Balance(
-        float(np.max(left)),
-        float(-np.min(right)),
-        float(np.mean(np.abs(left + right))),
+        envelope,
         float(tightest.half_width[0]),
         bool(tightest.saturated[0]),
         clearance,

@@ -72,10 +72,12 @@ def _beside(touches: Records, s: FloatArray, street: Street) -> Records:
     found = np.zeros((touches.shape[1], len(s)), TOUCH)
     found["gap"], found["s"], found["piece"] = np.inf, s, -1
     for to, of_unit in zip(found, np.moveaxis(touches, 1, 0), strict=True):
-        own = of_unit[of_unit["piece"] >= 0]
-        own["s"] = street.begin + np.mod(own["s"] - street.begin, street.length) if street.closed else own["s"]
-        own = own[(own["s"] >= first) & (own["s"] <= last)]  # of a part of a road, what lies beside it
-        own = own[np.argsort(-own["gap"], kind="stable")]  # the tightest is written last
-        at = np.clip(np.rint((own["s"] - s[0]) / (s[1] - s[0])).astype(np.int64), 0, len(s) - 1)
-        to[at] = own
+        along = of_unit["s"]
+        along = street.begin + np.mod(along - street.begin, street.length) if street.closed else along
+        beside = (of_unit["piece"] >= 0) & (along >= first) & (along <= last)  # of a part of a road, what lies beside it
+        order = np.argsort(-of_unit["gap"][beside], kind="stable")  # the tightest is written last
+        own = tuple(index[order] for index in np.nonzero(beside))
+        at = np.clip(np.rint((along[own] - s[0]) / (s[1] - s[0])).astype(np.int64), 0, len(s) - 1)
+        to[at] = of_unit[own]
+        to["s"][at] = along[own]
     return found

@@ -8,6 +8,7 @@ at most 0.25 m apart the envelope of a curve of radius 10 m is short by less tha
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,11 +27,30 @@ _core_sweep = core.function(
 
 @dataclass(frozen=True)
 class Envelope:
-    """Signed reach of every unit at arclengths ``s`` [m]: left positive; shape (units, n), NaN where a unit never was."""
+    """The envelope of an executed drive over 0 <= s <= the road's length, where a closed road has what lies beyond either end.
 
-    s: FloatArray
-    left: FloatArray
-    right: FloatArray
+    It is measured when a reach is first asked for: what only looks for room needs none. ``axles_only`` measures the part between each
+    unit's first and last axle, which must stay on the drivable region. A body that reaches beyond the road's centre of curvature lies
+    beside no arclength there, and is left out.
+    """
+
+    drive: Drive
+    axles_only: bool = False
+
+    @cached_property
+    def s(self) -> FloatArray:
+        """Arclengths, shape (n,) [m]."""
+        return SPACING_M * np.arange(int(np.floor(self.drive.road.path.length / SPACING_M + 1e-9)) + 1, dtype=np.float64)
+
+    @property
+    def left(self) -> FloatArray:
+        """Reach of every unit, left positive, shape (units, n), NaN where a unit never was [m]."""
+        return self._reaches[0]
+
+    @property
+    def right(self) -> FloatArray:
+        """The same to the right, left positive, too [m]."""
+        return self._reaches[1]
 
     @property
     def reach_left(self) -> FloatArray:
@@ -44,27 +64,22 @@ class Envelope:
         reach: FloatArray = np.fmin.reduce(self.right, axis=0)
         return reach
 
-
-def envelope_of(drive: Drive, *, axles_only: bool = False) -> Envelope:
-    """Measure the envelope of an executed drive over 0 <= s <= the road's length, where a closed road has what lies beyond either end.
-
-    ``axles_only`` measures the part between each unit's first and last axle, which must stay on the drivable region. A body that
-    reaches beyond the road's centre of curvature lies beside no arclength there, and is left out.
-    """
-    path, units = drive.stations.path, drive.vehicle.table()
-    length, closed = drive.road.path.length, drive.road.path.closed
-    count = int(np.floor(length / SPACING_M + 1e-9)) + 1
-    behind, ahead = drive.vehicle.reach_behind, drive.vehicle.reach_ahead
-    before, beyond = (int(np.ceil(reach / SPACING_M)) if closed else 0 for reach in (behind, ahead + behind))
-    stations = SPACING_M * np.arange(-before, count + beyond, dtype=np.float64)
-    low, high = _sweep(units, _outlines(units, axles_only=axles_only), path, drive.poses_s, drive.poses_z, stations)
-    left, right = np.where(np.isfinite(high), high, np.nan), np.where(np.isfinite(low), low, np.nan)
-    own = slice(before, before + count)
-    for reach, pick in ((left, np.fmax), (right, np.fmin)):
-        for of_unit in reach:
-            laps = [np.interp(stations[own] + lap, stations, of_unit, np.nan, np.nan) for lap in (-length, length)] if closed else []
-            of_unit[own] = pick.reduce([of_unit[own], *laps])
-    return Envelope(stations[own], left[:, own], right[:, own])
+    @cached_property
+    def _reaches(self) -> tuple[FloatArray, FloatArray]:
+        drive, count = self.drive, len(self.s)
+        path, units = drive.stations.path, drive.vehicle.table()
+        length, closed = drive.road.path.length, drive.road.path.closed
+        behind, ahead = drive.vehicle.reach_behind, drive.vehicle.reach_ahead
+        before, beyond = (int(np.ceil(reach / SPACING_M)) if closed else 0 for reach in (behind, ahead + behind))
+        stations = SPACING_M * np.arange(-before, count + beyond, dtype=np.float64)
+        low, high = _sweep(units, _outlines(units, axles_only=self.axles_only), path, drive.poses_s, drive.poses_z, stations)
+        left, right = np.where(np.isfinite(high), high, np.nan), np.where(np.isfinite(low), low, np.nan)
+        own = slice(before, before + count)
+        for reach, pick in ((left, np.fmax), (right, np.fmin)):
+            for of_unit in reach:
+                laps = [np.interp(stations[own] + lap, stations, of_unit, np.nan, np.nan) for lap in (-length, length)] if closed else []
+                of_unit[own] = pick.reduce([of_unit[own], *laps])
+        return left[:, own], right[:, own]
 
 
 def _outlines(units: Records, *, axles_only: bool) -> FloatArray:

@@ -18,7 +18,7 @@ from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M, Balance, Breach, Gaps, balance_of, gaps_of
 from hdvplan.judging.bodies import corners, swept_pieces
 from hdvplan.judging.clearance import touches_of
-from hdvplan.judging.envelope import Envelope, envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.judging.fit import Fit, fit_of
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.tracking import Tracking, tracking_of
@@ -87,13 +87,12 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True)
 class Result:
-    """A case's drive with its evaluation; ``expected`` is the balanced driving at the envelope's arclengths."""
+    """A case's drive with its evaluation."""
 
     case: Case
     drive: Drive
     envelope: Envelope
     balance: Balance
-    expected: Centring
     passed: tuple[Passed, ...] = ()  #: the obstacles in order of s, and their sides
     proof: Proof | None = None  #: that nothing keeps the limits; None if none was found or looked for
     attempts: tuple[Attempt, ...] = ()  #: every plan, if it was planned more than once; see ``hdvplan.replanned``
@@ -122,6 +121,12 @@ class Result:
     def origin(self) -> str:
         """How the drive came about, for a title."""
         return f"planned by {self.scheme.upper()}, {self.solver}, {self.objective}" if self.planned else "driven along a given path"
+
+    @cached_property
+    def expected(self) -> Centring:
+        """The balanced driving at the envelope's arclengths."""
+        curvature = shifted(self.drive.road.path.at(self.envelope.s).curvature, self.aim, self.envelope.s)
+        return CentringTable.of(self.drive.vehicle).at(curvature)
 
     @cached_property
     def fit(self) -> Fit:
@@ -232,11 +237,9 @@ class Result:
 
 def result_of(drive: Drive, *, solver: str | SolverClass, objective: str | Objective, passed: tuple[Passed, ...] = ()) -> Result:
     """Evaluate an executed drive; ``solver`` and ``objective`` are those of its case, ``passed`` how its obstacles are passed."""
-    envelope = envelope_of(drive)
-    curvature = shifted(drive.road.path.at(envelope.s).curvature, drive.bias.at(envelope.s), envelope.s)
-    expected = CentringTable.of(drive.vehicle).at(curvature)
+    envelope = Envelope(drive)
     case = Case(drive.road, drive.vehicle, objective, solver, drive.settings, drive.bias)
-    return Result(case, drive, envelope, balance_of(drive, envelope), expected, passed)
+    return Result(case, drive, envelope, balance_of(drive, envelope), passed)
 
 
 def solver_texts(result: Result) -> list[str]:

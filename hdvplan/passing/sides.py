@@ -15,7 +15,7 @@ from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.judging.balance import KEPT_M, gaps_of
 from hdvplan.judging.clearance import touches_of
-from hdvplan.judging.envelope import SPACING_M, envelope_of
+from hdvplan.judging.envelope import SPACING_M, Envelope
 from hdvplan.judging.obstacles import approaches
 from hdvplan.judging.result import Passed, Trial
 from hdvplan.passing.options import Options, independent_m, options_of, spans_of
@@ -220,7 +220,7 @@ def _stretch(case: Case, sides: Mapping[int, Side], s_from: float, s_to: float) 
 
 
 def _judged(driven: Drive) -> Trial:
-    envelope, settings = envelope_of(driven), driven.settings
+    envelope, settings = Envelope(driven), driven.settings
     gaps = gaps_of(touches_of(driven, envelope.s))
     distances = [(approach.distance, approach.s_to - approach.s_from + SPACING_M) for approach in approaches(driven)]
     clearance = min([*(float(np.nanmin(gap)) for gap in gaps.values()), *(distance for distance, _ in distances)], default=np.inf)

@@ -13,7 +13,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.centring.stationary import stationary
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive, drive, simulate
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal, Objective, body_max, geometric
 from hdvplan.planning.settings import Discretisation, PlannerSettings
@@ -218,7 +218,7 @@ def driven(
 
 
 def furthest(run: Drive) -> float:
-    envelope = envelope_of(run)
+    envelope = Envelope(run)
     return float(max(np.max(envelope.reach_left), -np.min(envelope.reach_right)))
 
 
@@ -245,7 +245,7 @@ def test_active_steering_reaches_less_far_than_a_law_and_much_less_than_a_rigid_
     rigid, law, own = (driven(name, scenario) for name in ("tractor-semitrailer", "semitrailer-steered", "semitrailer-active"))
     assert furthest(own) < furthest(rigid) - 0.4
     assert furthest(own) < furthest(law) + 0.01  # where the circle decides; where the tail swings out it is better
-    balance = [float(np.mean(np.abs(envelope_of(run).reach_left + envelope_of(run).reach_right))) for run in (law, own)]
+    balance = [float(np.mean(np.abs(Envelope(run).reach_left + Envelope(run).reach_right))) for run in (law, own)]
     assert balance[1] < 0.7 * balance[0]
 
 

@@ -8,7 +8,7 @@ import pytest
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import OptionError
-from hdvplan.judging.envelope import Envelope, envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.bias import Bias, bias_named, shifted
 from hdvplan.planning.objectives import Objective, balanced, body_max, geometric, geometric_fixed, lead_axle
 from hdvplan.planning.settings import PlannerSettings
@@ -28,7 +28,7 @@ def constant_road(curvature: float) -> Road:
 
 def run(road: Road, name: str, bias: Bias, objective: Objective = geometric) -> tuple[Drive, Envelope]:
     driven = drive(road, load_vehicle(name), objective, RiccatiWorkspace, PlannerSettings(), bias=bias)
-    return driven, envelope_of(driven)
+    return driven, Envelope(driven)
 
 
 @each_vehicle

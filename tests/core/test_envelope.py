@@ -9,7 +9,7 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.bodies import contact
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
@@ -58,7 +58,7 @@ def limits(s: list[float], left: list[float], right: list[float], *, sweep: floa
 def test_driving_straight_sweeps_half_the_width_and_the_offset(vehicle: Vehicle) -> None:
     state = np.zeros(vehicle.states)
     state[0] = 0.2
-    found = envelope_of(executed(straight(), vehicle, state))
+    found = Envelope(executed(straight(), vehicle, state))
     for unit, left, right in zip(vehicle.units, found.left, found.right, strict=True):
         seen = np.isfinite(left) & (found.s < found.s[np.isfinite(left)][-1])  # but for the one that only a front edge touches
         assert np.max(np.abs(left[seen] - (0.2 + 0.5 * unit.width))) < 1e-9
@@ -69,7 +69,7 @@ def test_driving_straight_sweeps_half_the_width_and_the_offset(vehicle: Vehicle)
 
 def test_an_envelope_knows_where_a_trailer_never_was() -> None:
     vehicle = load_vehicle("tractor-trailer")
-    found = envelope_of(executed(straight(), vehicle, np.zeros(3)))
+    found = Envelope(executed(straight(), vehicle, np.zeros(3)))
     assert np.all(np.isfinite(found.left[0]))
     # the coupling ends 0.30 m ahead of the tractor's axle, which ends on the road's last station
     assert np.max(found.s[np.isfinite(found.left[1])]) == pytest.approx(60.0)
@@ -82,7 +82,7 @@ def test_rounding_leaves_no_station_without_a_reach() -> None:
     blunt = replace(bus, units=(replace(bus.lead, rear_overhang=0.0),))  # its rear edge begins on the road's first station
     done = executed(straight(), blunt, np.zeros(2))
     late = replace(done, poses_s=done.poses_s + 1e-9)  # as coordinates of a million metres are rounded
-    found = balance_of(late, envelope_of(late))
+    found = balance_of(late, Envelope(late))
     assert (found.max_left, found.max_right) == pytest.approx((1.27, 1.27), abs=1e-9)
     assert found.mean_abs_imbalance == pytest.approx(0.0, abs=1e-9)
 
@@ -98,7 +98,7 @@ def test_a_vehicle_in_a_circle_sweeps_the_analytic_radii(name: str, sign: float)
         last = np.sqrt(lead**2 + vehicle.lead.hitch_offset**2 - vehicle.units[1].wheelbase ** 2)
     outer, inner = np.hypot(lead + 1.27, vehicle.lead.front), last - 1.27
     state = sign * np.concatenate([[radius - lead, 0.0], circle.beta[0]])
-    found = envelope_of(executed(arc(sign / radius, 80.0), vehicle, state))
+    found = Envelope(executed(arc(sign / radius, 80.0), vehicle, state))
     outside, inside = (-found.reach_right, found.reach_left) if sign > 0.0 else (found.reach_left, -found.reach_right)
     passed = slice(100, 260)  # the whole vehicle passes here
     # chord against arc between poses and outline points 0.25 m apart
@@ -117,7 +117,7 @@ def test_what_is_swept_beyond_the_end_of_a_closed_road_counts_at_its_begin() -> 
     vehicle, radius, ring = load_vehicle("bus"), 20.0, closed_ring()
     lead = 1.0 / stationary(vehicle, np.array([1.0 / radius])).kappa[0]
     done = executed(ring, vehicle, np.array([radius - lead, 0.0]))
-    outside = -envelope_of(done).reach_right
+    outside = -Envelope(done).reach_right
     # The front corner stands ahead of the first metres, and comes there at the end of the round.
     assert np.max(np.abs(outside[:20] - outside[200])) < 2e-3  # chord against arc, as above
     assert contact(done, 0, "right", 2.0) == "front corner"
@@ -128,7 +128,7 @@ def test_a_limit_at_a_lap_s_end_holds_for_what_stands_there_at_the_start() -> No
     states = np.zeros((round(ring.length / 0.25) + 1, 2))
     states[0, 0] = 0.5  # it begins left of the line, and drives the rest of the lap on it
     done = executed(ring, vehicle, states, limits([0.0, 123.0, 124.0, 125.0, ring.length], [3.0, 3.0, 1.5, 3.0, 3.0], [9.0] * 5))
-    (breach,) = balance_of(done, envelope_of(done)).breaches
+    (breach,) = balance_of(done, Envelope(done)).breaches
     assert (breach.side, breach.part) == ("left", "rear overhang")
     assert breach.s_deepest == pytest.approx(124.0)
     # its side lies 1.77 m inside the tangent at the start, so 18.23 m from the centre; chord against arc, as above
@@ -140,7 +140,7 @@ def test_between_the_axles_a_bus_reaches_less_far_out() -> None:
     circle = stationary(vehicle, np.array([1.0 / radius]))
     lead = 1.0 / circle.kappa[0]
     done = executed(arc(1.0 / radius, 80.0), vehicle, np.array([radius - lead, 0.0]))
-    found = envelope_of(done, axles_only=True)
+    found = Envelope(done, axles_only=True)
     passed = slice(100, 260)
     assert np.max(np.abs(-found.reach_right[passed] - (np.hypot(lead + 1.27, 6.0) - radius))) < 2e-3
     assert np.max(np.abs(found.reach_left[passed] - (radius - lead + 1.27))) < 2e-3  # its inner edge is nearest at the axle
@@ -151,7 +151,7 @@ def test_the_envelope_holds_every_dense_outline_point_of_a_winding_drive() -> No
     s = np.linspace(0.0, 2.0 * np.pi, 441)
     states = np.column_stack([0.5 * np.sin(s), 0.1 * np.cos(2.0 * s), 0.2 * np.sin(s), -0.2 * np.sin(3.0 * s)])
     done = executed(path, vehicle, states)
-    found = envelope_of(done)
+    found = Envelope(done)
     sides = [
         np.concatenate(
             [np.column_stack([np.linspace(-u.rear_overhang, u.front, 97), np.full(97, w)]) for w in (0.5 * u.width, -0.5 * u.width)]
@@ -174,7 +174,7 @@ def test_the_envelope_holds_every_dense_outline_point_of_a_winding_drive() -> No
 def test_a_limit_that_is_broken_is_found_with_its_place_depth_side_and_body() -> None:
     vehicle = load_vehicle("tractor-trailer")
     dip = limits([0.0, 30.0, 32.0, 34.0, 60.0], [2.0, 2.0, 1.0, 2.0, 2.0], [2.0] * 5)
-    found = balance_of(done := executed(straight(), vehicle, np.zeros(3), dip), envelope_of(done))
+    found = balance_of(done := executed(straight(), vehicle, np.zeros(3), dip), Envelope(done))
     (breach,) = found.breaches
     assert breach.side == "left"
     assert breach.s_deepest == pytest.approx(32.0)
@@ -190,7 +190,7 @@ def test_a_breach_on_the_right_names_the_body_that_is_deepest() -> None:
     vehicle = load_vehicle("tractor-trailer")
     state = np.array([0.0, 0.0, -0.1])  # the trailer's tail hangs to the right of a straight tractor
     narrow = limits([0.0, 40.0, 41.0, 42.0, 60.0], [9.0] * 5, [9.0, 9.0, 1.5, 9.0, 9.0])
-    found = balance_of(done := executed(straight(), vehicle, state, narrow), envelope_of(done))
+    found = balance_of(done := executed(straight(), vehicle, state, narrow), Envelope(done))
     (breach,) = found.breaches
     assert (breach.side, breach.unit) == ("right", 1)
     # The kerb's point is deepest where it is as far beyond the trailer's side as it is ahead of its rear, which is 12.43 m behind the
@@ -206,7 +206,7 @@ def test_an_overhang_may_sweep_where_wheels_may_not(reach: float, regions: list[
     # the front axle's side 1.863.
     states = np.stack([np.tan(0.1) * (0.25 * np.arange(241) - 60.0), np.full(241, 0.1)], axis=1)
     done = executed(straight(), vehicle, states, limits([0.0, 60.0], [reach] * 2, [9.0] * 2, sweep=0.6))
-    found = balance_of(done, envelope_of(done))
+    found = balance_of(done, Envelope(done))
     assert [breach.region for breach in found.breaches] == regions
     corner, axle = 9.34 * np.sin(0.1) + 1.27 * np.cos(0.1), 6.0 * np.sin(0.1) + 1.27 * np.cos(0.1)
     assert found.min_clearance == pytest.approx(min(reach + 0.6 - corner, reach - axle), abs=1e-9)  # rounding: a path of quintics

@@ -7,7 +7,7 @@ import pytest
 
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.judging.balance import Balance, balance_of
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.objectives import geometric, lead_axle
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.limits import Limits
@@ -25,7 +25,7 @@ FAR_M = 3.5
 
 
 def judged(done: Drive) -> Balance:
-    return balance_of(done, envelope_of(done))
+    return balance_of(done, Envelope(done))
 
 
 def passage(width: float, reach: float = 0.5) -> Road:
@@ -90,7 +90,7 @@ def test_overhangs_leave_the_lane_less_when_wheels_must_stay_in_it_and_less_stil
             replace(road, limits=replace(road.limits, left=np.full(2, wheels), right=np.full(2, -wheels))),
             BUS, lead_axle, RiccatiWorkspace, settings,
         )  # fmt: skip
-        envelope = envelope_of(done)
+        envelope = Envelope(done)
         outside = np.maximum(envelope.reach_left - 1.75, 0.0) + np.maximum(-envelope.reach_right - 1.75, 0.0)
         furthest.append(float(np.max(outside)))
         area.append(float(np.trapezoid(outside, envelope.s)))

@@ -7,7 +7,7 @@ import pytest
 
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import Drive, drive
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.load import load_road
@@ -54,7 +54,7 @@ def test_on_constant_radius_a_preset_settles_in_its_stationary_circle_sweeps_bot
         (run.z[:, 1], geometry.e_psi[: len(s)], 1e-3),
     ):
         assert not found.size or np.max(np.abs(found[here] - expected[here])) < tolerance
-    envelope = envelope_of(run)
+    envelope = Envelope(run)
     here = (envelope.s > SETTLED[0]) & (envelope.s < SETTLED[1])
     left, right = envelope.reach_left[here], -envelope.reach_right[here]
     half_width = float(np.max(geometry.half_width))
@@ -70,7 +70,7 @@ def test_a_bus_whose_axles_run_on_one_circle_is_balanced_by_its_target() -> None
     crab = Vehicle("crab", (Unit(6.0, 2.7, 3.3, 2.55, 0.0, 1.0),))
     run = driven(Road("circle", from_curvature(*turn_profile(1.0 / 17.88, RAMP, CONSTANT))), crab)
     assert np.max(np.abs(run.stations.centring.target)) > 0.1
-    envelope = envelope_of(run)
+    envelope = Envelope(run)
     here = (envelope.s > SETTLED[0]) & (envelope.s < SETTLED[1])
     assert abs(np.max(envelope.reach_left[here]) + np.min(envelope.reach_right[here])) < 0.03
 
@@ -105,7 +105,7 @@ def slides(run: Drive, at: int) -> FloatArray:
 @each_preset
 def test_every_preset_drives_the_papers_scenarios(name: str, scenario: str) -> None:
     run = driven(SCENARIOS[scenario](), load_vehicle(name))
-    envelope, expected = envelope_of(run), float(np.max(run.stations.centring.half_width))
+    envelope, expected = Envelope(run), float(np.max(run.stations.centring.half_width))
     assert all(plan.usable for plan in run.plans)
     assert len(run.kappa) * SETTINGS.step >= run.road.path.length - 1e-6
     # transients of combinations of more than 25 m reach up to 0.25 m further than their circle, those of all others 0.1 m
@@ -123,6 +123,6 @@ def test_every_preset_drives_real_roads(name: str, road: str) -> None:
     assert all(plan.usable for plan in run.plans)
     assert len(run.kappa) * SETTINGS.step >= run.road.path.length - 1e-6
     assert np.max(np.abs(run.kappa)) <= vehicle.max_curvature + 1e-6
-    envelope = envelope_of(run)
+    envelope = Envelope(run)
     assert np.nanmax(envelope.reach_left) < 8.0  # nothing runs away
     assert -np.nanmin(envelope.reach_right) < 8.0

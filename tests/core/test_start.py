@@ -11,7 +11,7 @@ from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.driving.start import Start, kept_start, lies_beside, start_of
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.road.line import Line, RawRoad, smoothed
@@ -33,7 +33,7 @@ def driven(vehicle: str, s: list[float], curvature: list[float]) -> Drive:
 
 
 def reaches(drive: Drive) -> FloatArray:
-    envelope = envelope_of(drive)
+    envelope = Envelope(drive)
     return np.stack([envelope.reach_left, envelope.reach_right])
 
 
@@ -68,7 +68,7 @@ def test_a_trailer_sweeps_the_last_metres_as_if_the_road_went_on() -> None:
     s, k = [0.0, 63.0, 69.0, 80.0], [0.0, 0.0, 0.05, 0.05]
     ends = driven("tractor-trailer", s, k)
     goes_on = driven("tractor-trailer", [*s, 80.0 + FADE_M, 120.0], [*k, 0.0, 0.0])
-    here, there = envelope_of(ends), envelope_of(goes_on)
+    here, there = Envelope(ends), Envelope(goes_on)
     # The rest of the last plan is driven as it was planned: its discretisation differs from the simulation by some millimetres.
     np.testing.assert_allclose(here.left[1], there.left[1, : len(here.s)], atol=0.01)
     np.testing.assert_allclose(here.right[1], there.right[1, : len(here.s)], atol=0.01)

@@ -15,7 +15,7 @@ from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.pieces import Piece, pieces_of, planned
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
@@ -79,7 +79,7 @@ def test_pieces_cover_the_road_once_and_begin_where_a_plan_of_the_whole_road_beg
 
 def test_bodies_on_two_pieces_sweep_on_each_what_they_sweep_on_the_whole_road() -> None:
     case = case_on("goteborg_lindholmsallen_uturn", vehicle="tractor-trailer", half_width=6.0)
-    whole = envelope_of(drive_case(case))
+    whole = Envelope(drive_case(case))
     pieces = pieces_of(found_of(case.road), case.vehicle, case.settings, length=100.0)
     found = [one.result.envelope for one in planned(pieces, lambda road: replace(case, road=road))]
     assert len(found) > 2

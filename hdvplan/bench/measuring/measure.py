@@ -18,7 +18,7 @@ from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.balance import balance_of
-from hdvplan.judging.envelope import envelope_of
+from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.program import StageShape
@@ -151,7 +151,7 @@ def checked_drive(case: Case, make_workspace: WorkspaceMaker, count: int, alive:
 
 def judge(driven: Drive) -> Judgement:
     """Return what an executed drive swept."""
-    envelope = envelope_of(driven)
+    envelope = Envelope(driven)
     balance = balance_of(driven, envelope)
     return Judgement(
         balance.max_left,
