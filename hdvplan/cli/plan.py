@@ -56,9 +56,11 @@ class _Asked:
     def case(self, track: Road, vehicle: Vehicle) -> Case:
         """Return the case of a vehicle on a road, between these limits and by these sides."""
         from hdvplan.case import Case
+        from hdvplan.road.meeting import beside_swept
         from hdvplan.road.regions import Side
 
         track = track if self.reaches is None else track.with_limits(*self.reaches)
+        track = track if self.options.beside is None else beside_swept(track, Path(self.options.beside))
         track = track if self.options.side is None else track.passed_on(Side(self.options.side))
         return Case(track, vehicle, self.options.objective, self.solver, self.settings)
 
@@ -88,7 +90,7 @@ def plan(
         ),
     ] = None,
     settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, PLANNING, only=_OTHERS)],
-    options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, {"side": VEHICLE})],
+    options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, {"side": VEHICLE, "beside": VEHICLE})],
     output: Annotated[Output, OptionsOf(Output, OUTPUT)],
 ) -> int:
     """Plan a vehicle along a road and write what it sweeps.
@@ -176,7 +178,7 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
 
     output, bias = asked.output, asked.options.bias
     dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
-    dropped |= {f"--clearance {LARGEST}": asked.largest}
+    dropped |= {f"--clearance {LARGEST}": asked.largest, "--beside": asked.options.beside is not None}
     dropped |= {"--tracking-error": asked.settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*_kinds(output)} & {*DRAWINGS})}
     refuse_on(line, dropped)
     check_room(vehicle, asked.reaches)
@@ -197,6 +199,7 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
 
     options, output, settings = asked.options, asked.output, asked.settings
     dropped = {
+        "--beside": options.beside is not None,
         "--bias": options.bias is not None,
         f"--clearance {LARGEST}": asked.largest,
         "--tracking-error": settings.tracking_error > 0.0,

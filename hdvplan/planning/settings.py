@@ -88,6 +88,9 @@ class PlanOptions:
             choices=SIDES,
         ),
     ] = None
+    beside: Annotated[
+        str | None, Setting("Keep free what another plan swept, as of a bus that comes the other way: the folder that it is in.", "DIR")
+    ] = None
     proof: Annotated[
         bool, Setting("If the plan breaks limits, look for a proof that no plan keeps them.", names=("--proof/--no-proof",))
     ] = True

@@ -1,0 +1,47 @@
+"""What another plan swept on the same street, read from its file: an obstacle for the vehicle that meets it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import shapely
+from shapely.geometry import shape
+
+from hdvplan.errors import OptionError
+from hdvplan.fileio import read_json
+from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat
+from hdvplan.road.regions import OPEN_M, Kind, Region, distances
+from hdvplan.road.road import Road
+
+_SWEPT = "swept.geojson"
+_AREA = "swept area"  # a kind of feature there
+
+
+def beside_swept(road: Road, folder: Path) -> Road:
+    """Return a road on which everything that the plan in ``folder`` swept is an obstacle.
+
+    Raises:
+        OptionError: the folder holds no swept areas, or they lie in another frame than the road, or not beside it.
+
+    """
+    try:
+        features = read_json(folder / _SWEPT)["features"]
+        swept = [feature for feature in features if feature["properties"].get("kind") == _AREA]
+        area = shapely.union_all([shape(feature["geometry"]) for feature in swept])
+        named = swept[0]["properties"]
+        label, on_earth = f"{named['vehicle']} on {named['road']}", "note" not in named
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, shapely.errors.ShapelyError) as error:
+        msg = f"{folder} has no {_SWEPT} with the area that a plan swept"
+        raise OptionError(msg, hint="give the folder that `hdvplan plan` wrote for the other vehicle") from error
+    if on_earth != isinstance(road.to_lonlat, ToLonLat):
+        msg = f"what {label} swept is in {'degrees' if on_earth else 'metres'}, and {road.name} is not"
+        raise OptionError(msg, hint="plan both from the same road file")
+    if isinstance(road.to_lonlat, ToLonLat):
+        area = shapely.transform(area, IntoPlane(LONLAT, road.to_lonlat.plane))
+    regions = tuple(Region(Kind.OBSTACLE, polygon, label) for polygon in shapely.get_parts(area))
+    beside = tuple(region for region, apart in zip(regions, distances(road.path, regions), strict=True) if apart <= OPEN_M)
+    if not beside:
+        msg = f"what {label} swept lies more than {OPEN_M:.0f} m from {road.name}"
+        raise OptionError(msg, hint="plan both from the same road file")
+    return replace(road, regions=(*road.regions, *beside), faces=None)

@@ -1,0 +1,61 @@
+"""``hdvplan plan --beside``: two vehicles that meet on one street, as users run it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import shapely
+from shapely.geometry import shape
+from shapely.geometry.base import BaseGeometry
+
+from tests.cli.conftest import Cli
+
+
+def _swept(folder: Path) -> BaseGeometry:
+    features = json.loads((folder / "swept.geojson").read_text(encoding="utf-8"))["features"]
+    return shapely.union_all([shape(one["geometry"]) for one in features if one["properties"]["kind"] == "swept area"])
+
+
+def _meeting(cli: Cli, road: str, half: float) -> tuple[int, str]:
+    """Drive a road with kerbs ``half`` to either side of its line [m] on the right, and then back, beside what was swept."""
+    own = ("plan", road, "--vehicle", "bus", "--offset", "-1.75", "--left", f"{half + 1.75}", "--right", f"{half - 1.75}", "--no-plot")
+    assert cli(*own, "--quiet", "--out", "there").code == 0
+    back = cli(*own, "--reverse", "--beside", "there", "--no-proof", "--no-refine", "--out", "back")
+    return back.code, back.out.splitlines()[0]
+
+
+def test_two_vehicles_meet_where_the_street_is_wide_enough(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    code, line = _meeting(cli, short_road, 3.8)
+    assert (code, line[:3]) == (0, "YES")
+    first, second = _swept(tmp_path / "there"), _swept(tmp_path / "back")
+    assert shapely.distance(first, second) > 0.0  # in one plane, whichever way the line was driven
+    told = json.loads((tmp_path / "back" / "summary.json").read_text(encoding="utf-8"))
+    (met,) = told["obstacles"]
+    assert met["name"] == "bus on short"
+    assert met["distance_m"] == pytest.approx(shapely.distance(first, second), abs=0.02)  # files round to 1 mm, outlines have chords
+    assert [(one["name"], one["side"]) for one in told["passed"]] == [("bus on short", "right")]
+
+
+def test_where_they_cannot_meet_the_place_is_told(cli: Cli, short_road: str) -> None:
+    code, line = _meeting(cli, short_road, 3.05)
+    assert code == 1
+    assert line.startswith("NO: ")
+
+
+def test_what_is_no_plan_or_lies_elsewhere_is_refused(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    own = ("plan", short_road, "--vehicle", "bus", "--half-width", "3", "--no-plot")
+    none = cli(*own, "--beside", "nowhere")
+    assert (none.code, none.err.splitlines()[0]) == (2, "error: nowhere has no swept.geojson with the area that a plan swept")
+    (tmp_path / "swept.geojson").write_text('{"features": [{"properties": null}]}', encoding="utf-8")
+    assert cli(*own, "--beside", ".").code == 2
+    cli("plan", "goteborg_lindholmsallen_uturn", "--vehicle", "bus", "--no-plot", "--quiet", "--out", "earth")
+    apart = cli(*own, "--beside", "earth")
+    assert apart.code == 2
+    assert "swept is in degrees, and short is not" in apart.err
+    cli(*own, "--quiet", "--out", "near")
+    (tmp_path / "far.csv").write_text("x,y\n0,500\n60,500\n", encoding="utf-8")
+    far = cli("plan", "far.csv", "--vehicle", "bus", "--half-width", "3", "--no-plot", "--beside", "near")
+    assert far.code == 2
+    assert "swept lies more than 20 m from far" in far.err
