@@ -15,11 +15,12 @@ from typing import cast
 
 import numpy as np
 import pandas as pd
+from cases import suite_roads
 from exported_planner import ROUNDING, ExportedPlanner, compared, driven
 
 from hdvplan.api import drive_case
 from hdvplan.bench.measuring.courses import with_limits
-from hdvplan.bench.suite import ROADS, Suite
+from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive
 from hdvplan.export.budget import UNLIMITED, Budget
@@ -122,7 +123,7 @@ def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/export-c"))
-    parser.add_argument("--roads", default=",".join(ROADS))
+    parser.add_argument("--roads", default=",".join(suite_roads()))
     parser.add_argument("--vehicles", default=",".join(VEHICLES))
     given = parser.parse_args()
     use_one_thread()

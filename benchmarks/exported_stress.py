@@ -13,7 +13,9 @@ import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +37,8 @@ PRESETS = (
     "bus", "articulated-bus", "semitrailer-active", "rigid-truck", "tractor-trailer", "semitrailer-steered", "a-double",
     "rear-steered-bus", "truck-dolly-semitrailer", "double-articulated-bus",
 )  # fmt: skip
-MARGINS_M = (-0.1, 0.05, 0.3, 1.0, 3.0)  # of a street beyond what a random drive sweeps: from one that cannot be kept to one with room
+# Of a street beyond what a random drive sweeps: from one that cannot be kept to one with room.
+MARGINS_M = (-0.1, 0.05, 0.2, 0.3, 0.6, 1.0, 2.0, 3.0)
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
 FAST = ("-O2",)
 SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -119,21 +122,11 @@ def stressed(words: list[str], folder: Path, steps: int, seed: int) -> dict[str,
     }
 
 
-def instructions(program: Path, steps: int, seed: int, only: int) -> int:
+def instructions(program: Path, seed: int, only: int) -> int:
     """Return the instructions of one step, counted by valgrind."""
-    folder = program.parent
-    words = [
-        "valgrind",
-        "--tool=callgrind",
-        "--instr-atstart=no",
-        "--callgrind-out-file=counted",
-        str(program),
-        str(steps),
-        str(seed),
-        str(only),
-    ]
-    _run(words, folder)
-    return int(_TOTALS.findall((folder / "counted").read_text())[-1])
+    counter = ("valgrind", "--tool=callgrind", "--instr-atstart=no", "--callgrind-out-file=counted")
+    _run([*counter, str(program), str(only + 1), str(seed), str(only)], program.parent)
+    return int(_TOTALS.findall((program.parent / "counted").read_text())[-1])
 
 
 def stack(folder: Path) -> int:
@@ -168,19 +161,18 @@ def _deepest(name: str, frames: dict[str, int], calls: dict[str, set[str]], abov
     return frames.get(name, 0) + max(below, default=0)
 
 
-def looked_at(folder: Path, checked: tuple[int, int], worst: tuple[int, int, int], kept: set[str]) -> dict[str, object]:
-    """Return what takes long: so many steps under valgrind and the sanitizers, instructions of the worst step, and the stack."""
+def looked_at(folder: Path, steps: int, seed: int, kept: set[str]) -> dict[str, object]:
+    """Return how many steps ran under valgrind and under the sanitizers."""
     watched, sanitized = compiled(folder, "watched", WATCHED, kept), compiled(folder, "sanitized", SANITIZED, kept)
     return {
-        "under_valgrind": stressed(["valgrind", "--error-exitcode=9", "--quiet", str(watched)], folder, checked[0], 0)["steps"],
-        "under_sanitizers": stressed([str(sanitized)], folder, checked[1], 0)["steps"],
-        "instructions": instructions(watched, *worst),
-        "stack_bytes": stack(folder),
+        "under_valgrind": stressed(["valgrind", "--error-exitcode=9", "--quiet", str(watched)], folder, steps, seed)["steps"],
+        "under_sanitizers": stressed([str(sanitized)], folder, steps, seed)["steps"],
     }
 
 
-def rows_of(vehicle: Vehicle, count: int, steps: int, checked: tuple[int, int], *, looks: bool) -> Iterator[tuple[Case, dict[str, object]]]:
-    """Yield cases with what steps on each of a vehicle's streets took; where it ``looks``, the first one also under the checkers."""
+def rows_of(vehicle: Vehicle, count: int, steps: int, checked: int) -> list[tuple[Case, dict[str, object]]]:
+    """Return cases with what steps on each of a vehicle's streets took, so many of them ``checked``; the first one is counted, too."""
+    found: list[tuple[Case, dict[str, object]]] = []
     with tempfile.TemporaryDirectory() as made:
         folder, kept, planner = Path(made), set[str](), ""
         for number, (margin, road) in enumerate(streets(vehicle, count)):
@@ -193,12 +185,17 @@ def rows_of(vehicle: Vehicle, count: int, steps: int, checked: tuple[int, int], 
                 (folder / name).write_text(text, encoding="utf-8")
             fast = compiled(folder, "fast", FAST, kept)
             row: dict[str, object] = {"vehicle": vehicle.name, "units": len(vehicle.units), "street": road.name, "margin_m": margin}
-            row |= (found := stressed([str(fast)], folder, steps, number))
-            if number == 0 and looks:
+            row |= (took := stressed([str(fast)], folder, steps, number))
+            if checked:
+                row |= looked_at(folder, checked, number, kept)
+            if checked and number == 0:
                 _run([str(fast), "1", "0", "-2"], folder, (TRAPPED,))  # the trap springs
-                row |= looked_at(folder, checked, (steps, number, int(found["worst_factorisations"])), kept)
+                watched = compiled(folder, "watched", WATCHED, kept)
+                row["instructions"] = instructions(watched, number, int(took["worst_factorisations"]))
+                row["stack_bytes"] = stack(folder)
             print(row, file=sys.stderr)
-            yield case, row
+            found.append((case, row))
+    return found
 
 
 def text(rows: pd.DataFrame) -> str:
@@ -229,16 +226,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/export-stress"))
     parser.add_argument("--vehicles", type=int, default=20)
-    parser.add_argument("--streets", type=int, default=5)
-    parser.add_argument("--steps", type=int, default=10_000, help="of each vehicle on each street")
-    parser.add_argument("--looked", type=int, default=4, help="how many vehicles are looked at under valgrind and the sanitizers")
-    parser.add_argument(
-        "--checked", type=int, nargs=2, default=(250, 2500), help="steps of each of these, under valgrind and the sanitizers"
-    )
+    parser.add_argument("--streets", type=int, default=8)
+    parser.add_argument("--steps", type=int, default=6250, help="of each vehicle on each street")
+    parser.add_argument("--looked", type=int, default=10, help="how many vehicles are looked at under valgrind and the sanitizers")
+    parser.add_argument("--checked", type=int, default=125, help="steps of each of these on each street, under either")
+    parser.add_argument("--jobs", type=int, default=1, help="vehicles at a time")
     given = parser.parse_args()
-    found: list[tuple[Case, dict[str, object]]] = []
-    for number, vehicle in enumerate(vehicles(given.vehicles)):
-        found += rows_of(vehicle, given.streets, given.steps, tuple(given.checked), looks=number < given.looked)
+    checked = [given.checked * (number < given.looked) for number in range(given.vehicles)]
+    with ProcessPoolExecutor(given.jobs) as pool:
+        made = pool.map(rows_of, vehicles(given.vehicles), repeat(given.streets), repeat(given.steps), checked)
+        found = [row for rows in made for row in rows]
     rows = pd.DataFrame([row for _, row in found])
     given.out.mkdir(parents=True, exist_ok=True)
     write_atomically(given.out / "steps.csv", csv_bytes(rows))
