@@ -161,13 +161,14 @@ def _deepest(name: str, frames: dict[str, int], calls: dict[str, set[str]], abov
     return frames.get(name, 0) + max(below, default=0)
 
 
-def looked_at(folder: Path, steps: int, seed: int, kept: set[str]) -> dict[str, object]:
-    """Return how many steps ran under valgrind and under the sanitizers."""
+def looked_at(folder: Path, steps: int, seed: int, worst: int, kept: set[str]) -> dict[str, object]:
+    """Return how many steps ran under valgrind and the sanitizers; on the first street also the worst one's instructions, and the stack."""
     watched, sanitized = compiled(folder, "watched", WATCHED, kept), compiled(folder, "sanitized", SANITIZED, kept)
-    return {
+    found: dict[str, object] = {
         "under_valgrind": stressed(["valgrind", "--error-exitcode=9", "--quiet", str(watched)], folder, steps, seed)["steps"],
         "under_sanitizers": stressed([str(sanitized)], folder, steps, seed)["steps"],
     }
+    return found | {"instructions": instructions(watched, seed, worst), "stack_bytes": stack(folder)} if seed == 0 else found
 
 
 def rows_of(vehicle: Vehicle, count: int, steps: int, checked: int) -> list[tuple[Case, dict[str, object]]]:
@@ -187,12 +188,8 @@ def rows_of(vehicle: Vehicle, count: int, steps: int, checked: int) -> list[tupl
             row: dict[str, object] = {"vehicle": vehicle.name, "units": len(vehicle.units), "street": road.name, "margin_m": margin}
             row |= (took := stressed([str(fast)], folder, steps, number))
             if checked:
-                row |= looked_at(folder, checked, number, kept)
-            if checked and number == 0:
                 _run([str(fast), "1", "0", "-2"], folder, (TRAPPED,))  # the trap springs
-                watched = compiled(folder, "watched", WATCHED, kept)
-                row["instructions"] = instructions(watched, number, int(took["worst_factorisations"]))
-                row["stack_bytes"] = stack(folder)
+                row |= looked_at(folder, checked, number, int(took["worst_factorisations"]), kept)
             print(row, file=sys.stderr)
             found.append((case, row))
     return found
