@@ -34,11 +34,11 @@ def beside_swept(road: Road, folder: Path) -> Road:
     except (OSError, ValueError, LookupError, TypeError, AttributeError, shapely.errors.ShapelyError) as error:
         msg = f"{folder} has no {_SWEPT} with the area that a plan swept"
         raise OptionError(msg, hint="give the folder that `hdvplan plan` wrote for the other vehicle") from error
-    if on_earth != isinstance(road.to_lonlat, ToLonLat):
+    into = IntoPlane(LONLAT, road.to_lonlat.plane) if isinstance(road.to_lonlat, ToLonLat) else None
+    if on_earth != (into is not None):
         msg = f"what {label} swept is in {'degrees' if on_earth else 'metres'}, and {road.name} is not"
         raise OptionError(msg, hint="plan both from the same road file")
-    if isinstance(road.to_lonlat, ToLonLat):
-        area = shapely.transform(area, IntoPlane(LONLAT, road.to_lonlat.plane))
+    area = area if into is None else shapely.transform(area, into)
     regions = tuple(Region(Kind.OBSTACLE, polygon, label) for polygon in shapely.get_parts(area))
     beside = tuple(region for region, apart in zip(regions, distances(road.path, regions), strict=True) if apart <= OPEN_M)
     if not beside:

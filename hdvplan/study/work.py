@@ -134,7 +134,8 @@ def _plan(cell: Cell, case: Case, row: Row, places: list[Row]) -> str:
 def _plan_pieces(cell: Cell, found: Found, row: Row, places: list[Row]) -> str:
     """Plan a long road as ``hdvplan plan`` does, piece by piece: memory does not grow with it. There are no proofs and finer plans."""
     refused = {f"bias {CENTRE}": cell.setup.bias == CENTRE, f"clearance {LARGEST}": cell.setup.clearest}
-    for asked in (name for name, given in refused.items() if given):
+    asked = next((name for name, given in refused.items() if given), None)
+    if asked is not None:
         msg = f"{asked} is not for roads of more than {LONG_M / 1e3:.0f} km"
         raise OptionError(msg)
     taken_: list[Piece] = []
