@@ -19,7 +19,6 @@ from cases import case_within, free_case, write_results
 from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
-from hdvplan.judging.envelope import Envelope
 from hdvplan.report.grid import markdown_table
 from hdvplan.road.limits import Limits
 from hdvplan.road.road import Road
@@ -82,7 +81,7 @@ def compared(free: Case, parked: Case, rounds: int) -> dict[str, object]:
         "free_ms": without,
         "parked_ms": with_them,
         "ratio": with_them / without,
-        "violation_m": balance_of(done, Envelope(done)).violation,
+        "violation_m": balance_of(done).violation,
     }
 
 

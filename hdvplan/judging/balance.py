@@ -82,8 +82,9 @@ class Balance:
         return 0.0 if self.min_clearance is None else max(0.0, -self.min_clearance)
 
 
-def balance_of(drive: Drive, envelope: Envelope) -> Balance:
+def balance_of(drive: Drive) -> Balance:
     """Reduce a drive's envelope, and what it left of its street, to the numbers that the tables show."""
+    envelope = Envelope(drive)
     k = drive.road.path.at(envelope.s).curvature
     tightest = CentringTable.of(drive.vehicle).at(np.array([np.max(np.abs(k))]))
     near = approaches(drive)

@@ -91,7 +91,6 @@ class Result:
 
     case: Case
     drive: Drive
-    envelope: Envelope
     balance: Balance
     passed: tuple[Passed, ...] = ()  #: the obstacles in order of s, and their sides
     proof: Proof | None = None  #: that nothing keeps the limits; None if none was found or looked for
@@ -121,6 +120,11 @@ class Result:
     def origin(self) -> str:
         """How the drive came about, for a title."""
         return f"planned by {self.scheme.upper()}, {self.solver}, {self.objective}" if self.planned else "driven along a given path"
+
+    @property
+    def envelope(self) -> Envelope:
+        """How far the bodies reached to either side of the road's centre."""
+        return self.balance.envelope
 
     @cached_property
     def expected(self) -> Centring:
@@ -237,9 +241,8 @@ class Result:
 
 def result_of(drive: Drive, *, solver: str | SolverClass, objective: str | Objective, passed: tuple[Passed, ...] = ()) -> Result:
     """Evaluate an executed drive; ``solver`` and ``objective`` are those of its case, ``passed`` how its obstacles are passed."""
-    envelope = Envelope(drive)
     case = Case(drive.road, drive.vehicle, objective, solver, drive.settings, drive.bias)
-    return Result(case, drive, envelope, balance_of(drive, envelope), passed)
+    return Result(case, drive, balance_of(drive), passed)
 
 
 def solver_texts(result: Result) -> list[str]:

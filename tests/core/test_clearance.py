@@ -14,7 +14,6 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive, simulate
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.clearance import touches_of
-from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
@@ -120,7 +119,7 @@ def test_a_contact_has_its_place_and_the_body_s_point() -> None:
     assert deepest["s"] == pytest.approx(30.0, abs=SAME)
     assert deepest["y"] == pytest.approx(0.5 * BUS.width, abs=SAME)
     assert deepest["x"] == pytest.approx(30.0, abs=SAME)
-    (breach,) = balance_of(done, Envelope(done)).breaches
+    (breach,) = balance_of(done).breaches
     assert breach.place == pytest.approx((30.0, 0.5 * BUS.width), abs=SAME)
 
 
@@ -133,7 +132,7 @@ def test_what_lies_before_the_start_and_beyond_the_end_is_judged(where: str) -> 
         road = drawn(arc(0.0, 60.0), Kerb(np.stack([along, sign * across], axis=1), along, left=side == "left"))
         done = straight(road, BUS)
         assert gap(done, side) == pytest.approx(1.0 - 0.5 * BUS.width, abs=SAME)
-        (breach,) = balance_of(done, Envelope(done)).breaches
+        (breach,) = balance_of(done).breaches
         assert breach.side == side
         assert breach.s_deepest == pytest.approx(s, abs=SAME)
 

@@ -82,7 +82,7 @@ def test_rounding_leaves_no_station_without_a_reach() -> None:
     blunt = replace(bus, units=(replace(bus.lead, rear_overhang=0.0),))  # its rear edge begins on the road's first station
     done = executed(straight(), blunt, np.zeros(2))
     late = replace(done, poses_s=done.poses_s + 1e-9)  # as coordinates of a million metres are rounded
-    found = balance_of(late, Envelope(late))
+    found = balance_of(late)
     assert (found.max_left, found.max_right) == pytest.approx((1.27, 1.27), abs=1e-9)
     assert found.mean_abs_imbalance == pytest.approx(0.0, abs=1e-9)
 
@@ -128,7 +128,7 @@ def test_a_limit_at_a_lap_s_end_holds_for_what_stands_there_at_the_start() -> No
     states = np.zeros((round(ring.length / 0.25) + 1, 2))
     states[0, 0] = 0.5  # it begins left of the line, and drives the rest of the lap on it
     done = executed(ring, vehicle, states, limits([0.0, 123.0, 124.0, 125.0, ring.length], [3.0, 3.0, 1.5, 3.0, 3.0], [9.0] * 5))
-    (breach,) = balance_of(done, Envelope(done)).breaches
+    (breach,) = balance_of(done).breaches
     assert (breach.side, breach.part) == ("left", "rear overhang")
     assert breach.s_deepest == pytest.approx(124.0)
     # its side lies 1.77 m inside the tangent at the start, so 18.23 m from the centre; chord against arc, as above
@@ -174,7 +174,7 @@ def test_the_envelope_holds_every_dense_outline_point_of_a_winding_drive() -> No
 def test_a_limit_that_is_broken_is_found_with_its_place_depth_side_and_body() -> None:
     vehicle = load_vehicle("tractor-trailer")
     dip = limits([0.0, 30.0, 32.0, 34.0, 60.0], [2.0, 2.0, 1.0, 2.0, 2.0], [2.0] * 5)
-    found = balance_of(done := executed(straight(), vehicle, np.zeros(3), dip), Envelope(done))
+    found = balance_of(executed(straight(), vehicle, np.zeros(3), dip))
     (breach,) = found.breaches
     assert breach.side == "left"
     assert breach.s_deepest == pytest.approx(32.0)
@@ -190,7 +190,7 @@ def test_a_breach_on_the_right_names_the_body_that_is_deepest() -> None:
     vehicle = load_vehicle("tractor-trailer")
     state = np.array([0.0, 0.0, -0.1])  # the trailer's tail hangs to the right of a straight tractor
     narrow = limits([0.0, 40.0, 41.0, 42.0, 60.0], [9.0] * 5, [9.0, 9.0, 1.5, 9.0, 9.0])
-    found = balance_of(done := executed(straight(), vehicle, state, narrow), Envelope(done))
+    found = balance_of(executed(straight(), vehicle, state, narrow))
     (breach,) = found.breaches
     assert (breach.side, breach.unit) == ("right", 1)
     # The kerb's point is deepest where it is as far beyond the trailer's side as it is ahead of its rear, which is 12.43 m behind the
@@ -206,7 +206,7 @@ def test_an_overhang_may_sweep_where_wheels_may_not(reach: float, regions: list[
     # the front axle's side 1.863.
     states = np.stack([np.tan(0.1) * (0.25 * np.arange(241) - 60.0), np.full(241, 0.1)], axis=1)
     done = executed(straight(), vehicle, states, limits([0.0, 60.0], [reach] * 2, [9.0] * 2, sweep=0.6))
-    found = balance_of(done, Envelope(done))
+    found = balance_of(done)
     assert [breach.region for breach in found.breaches] == regions
     corner, axle = 9.34 * np.sin(0.1) + 1.27 * np.cos(0.1), 6.0 * np.sin(0.1) + 1.27 * np.cos(0.1)
     assert found.min_clearance == pytest.approx(min(reach + 0.6 - corner, reach - axle), abs=1e-9)  # rounding: a path of quintics

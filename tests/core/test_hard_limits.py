@@ -25,7 +25,7 @@ FAR_M = 3.5
 
 
 def judged(done: Drive) -> Balance:
-    return balance_of(done, Envelope(done))
+    return balance_of(done)
 
 
 def passage(width: float, reach: float = 0.5) -> Road:

@@ -7,7 +7,6 @@ from hdvplan.case import Case
 from hdvplan.driving.start import approach_to
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.judging.balance import balance_of
-from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_samples
@@ -37,7 +36,7 @@ def test_what_lies_beyond_the_road_s_end_does_not_push_the_plan_over_a_limit_on_
     s = np.array([0.0, 40.0, 55.0, 70.0])
     left, right = np.array([3.0, 3.0, 3.375, 5.25]), np.array([-3.0, -3.0, 0.375, 2.25])
     slanted = Road("slanted", arc(0.0, 70.0), Limits(s, left, right, left, right))
-    found = balance_of(done := drive_case(Case(slanted, load_vehicle("bus"), settings=PlannerSettings(horizon=50.0))), Envelope(done))
+    found = balance_of(drive_case(Case(slanted, load_vehicle("bus"), settings=PlannerSettings(horizon=50.0))))
     assert found.breaches == ()
 
 

@@ -5,7 +5,6 @@ import pytest
 
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.judging.balance import Balance, balance_of
-from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.objectives import geometric, lead_axle
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.road.path import from_curvature
@@ -18,7 +17,7 @@ KEPT = 1e-7  # what an active bound is kept to: active_set.c
 
 
 def balance(driven: Drive) -> Balance:
-    return balance_of(driven, Envelope(driven))
+    return balance_of(driven)
 
 
 CASES = [

@@ -13,7 +13,6 @@ from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.errors import PlanError
 from hdvplan.judging.balance import KEPT_M, balance_of
-from hdvplan.judging.envelope import Envelope
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.road.road import Road
@@ -57,7 +56,7 @@ def free_by_force(case: Case) -> Iterator[tuple[Side, ...]]:
     for sides in itertools.product(Side, repeat=len(case.road.passages)):
         try:
             drive = drive_case(replace(case, road=case.road.passing(dict(enumerate(sides)))))
-            balance = balance_of(drive, Envelope(drive))
+            balance = balance_of(drive)
         except PlanError:
             continue
         if balance.min_clearance is not None and balance.min_clearance >= -KEPT_M:

@@ -144,7 +144,7 @@ def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straig
     van, kerb = shapely.box(40.0, 2.0, 42.0, 3.0), shapely.box(60.0, -4.0, 70.0, -2.0)
     road = replace(straight.drive.road, regions=(Region(Kind.OBSTACLE, van, "van"), Region(Kind.SWEEPABLE, kerb)))
     drive = replace(straight.drive, road=road)
-    write_plan(replace(straight, drive=drive, balance=balance_of(drive, straight.envelope)), tmp_path)
+    write_plan(replace(straight, drive=drive, balance=balance_of(drive)), tmp_path)
     plan = read_plan(tmp_path)
     shown = payload_of(replace(plan, path=plan.path.assign(x=plan.path["x"] + 100.0)))["regions"]
     assert [region["region"] for region in shown] == ["obstacle", "sweepable"]

@@ -47,7 +47,7 @@ def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(strai
     boxes = (shapely.box(50.0, -3.0, 51.0, -1.0), shapely.box(60.0, 1.262, 61.0, 3.0))  # 0.27 m, and 8 mm: within what counts as kept
     road = replace(straight.drive.road, regions=tuple(Region(Kind.OBSTACLE, box, "bin") for box in boxes)).with_limits(3.0, 3.0)
     drive = replace(straight.drive, road=road)
-    judged = replace(straight, drive=drive, balance=balance_of(drive, straight.envelope))
+    judged = replace(straight, drive=drive, balance=balance_of(drive))
     (breach,) = judged.balance.breaches
     assert (breach.obstacle, breach.side, breach.unit) == ("bin", "right", 0)
     assert breach.depth == pytest.approx(0.27, abs=1e-6)

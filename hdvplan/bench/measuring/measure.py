@@ -18,7 +18,6 @@ from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.balance import balance_of
-from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.program import StageShape
@@ -151,8 +150,8 @@ def checked_drive(case: Case, make_workspace: WorkspaceMaker, count: int, alive:
 
 def judge(driven: Drive) -> Judgement:
     """Return what an executed drive swept."""
-    envelope = Envelope(driven)
-    balance = balance_of(driven, envelope)
+    balance = balance_of(driven)
+    envelope = balance.envelope
     return Judgement(
         balance.max_left,
         balance.max_right,
