@@ -32,6 +32,7 @@ _LONG_M = 0.2  # distance of points from which such a direction is known in spit
 _STEERED_M = 1.0  # over which the curvature is looked at: points rounded to a millimetre then leave an error of 0.002 1/m
 _CURVED = 0.01  # share of the largest curvature, and
 _ROUNDED = 2e-3  # curvature [1/m] by which it may be exceeded
+_SAME_M = 0.05  # two places of a road are one
 _NEWTON = 4  # steps; the first guess is between points that are at most some metres apart
 _FORWARD = 0.05  # cosine of the angle to the line, at least
 _HINT = "x and y are the middle of the lead unit's rear axle, heading its direction [rad, counter-clockwise from x]"
@@ -221,7 +222,7 @@ def _feet(line: ReferencePath, length: float, points: FloatArray) -> FloatArray:
     ahead = np.arctan2(*(points[1] - points[0])[::-1])
     apart = np.hypot(there.x - points[0, 0], there.y - points[0, 1])
     away = apart + _FAR_M * (np.cos(there.heading - ahead) < 0.0)
-    near = float(s[np.argmin(away)])
+    near = float(s[np.argmax(away < np.min(away) + _SAME_M)])  # the first one: the ends of a closed road are one place
     if np.min(away) > _FAR_M:
         msg = f"the path begins {np.min(apart):.0f} m away from the road, or against it"
         raise RoadError(msg, hint="its x and y are in the plane of the road's path, as in the path.csv that `hdvplan plan` writes")

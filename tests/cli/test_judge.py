@@ -48,6 +48,14 @@ def test_a_plan_s_own_path_is_judged_as_the_plan_was(cli: Cli, planned: Path, sh
     assert cli("report", "plan", "judged", "--out", "both.html").code == 0
 
 
+def test_a_path_round_a_closed_road_begins_where_the_road_does(cli: Cli) -> None:
+    arguments = ("neubrandenburg_ring", "--vehicle", "bus", "--half-width", "2.8", "--no-plot")  # its ends are one place
+    assert cli("plan", *arguments, "--out", "plan").code == 0
+    assert cli("judge", "plan/path.csv", *arguments, "--out", "judged").code == 0
+    before, after = summary("plan"), summary("judged")
+    assert after["min_clearance_m"] == pytest.approx(before["min_clearance_m"], abs=_ROUNDING_M)
+
+
 def test_a_path_that_leaves_the_street_is_a_no_that_speaks_of_the_path_alone(cli: Cli, planned: Path, short_road: str) -> None:
     path = pd.read_csv(planned / "path.csv")
     path.assign(y=path["y"] + 1.0).to_csv("beside.csv", index=False)  # the road runs eastwards
