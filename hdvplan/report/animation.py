@@ -186,7 +186,7 @@ def ground_of(draw: Callable[[Axes], None], swept: Sequence[str], head: tuple[st
         title, colour, notice = head
         write_head(figure, title, colour, notice=notice)
         handles, labels = axes.get_legend_handles_labels()
-        figure.legend([*(Patch(color=fill) for fill in fills), *handles], [*swept, *labels], loc="outside lower left", ncols=4)
+        figure.legend([*(Patch(color=fill) for fill in fills), *handles], [*swept, *labels], loc="outside lower right", ncols=2)
         canvas.draw()  # type: ignore[no-untyped-call] # Matplotlib's back ends are not typed
     overlay = Image.fromarray(np.array(canvas.buffer_rgba()))  # type: ignore[no-untyped-call] # as above
     return Ground(overlay, axes, tuple((round(255 * red), round(255 * green), round(255 * blue)) for red, green, blue in fills), bodies)

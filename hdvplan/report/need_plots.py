@@ -43,7 +43,7 @@ def need_figure(shown: Result, features: Sequence[Drawn], lines: Sequence[str], 
         axes.set_title(window.title if window.label else window.reason, fontsize="small", loc="left")
         if number == 0:
             handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower left", ncols=6)
+    figure.legend(handles, labels, loc="outside lower right", ncols=6)
     title = "\n".join(fill(line, _TITLE) for line in lines)
     write_head(figure, title, answer_colour(fits=fits), notice=road.notice)
     return figure
