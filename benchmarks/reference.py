@@ -46,6 +46,7 @@ CASES, RECORDED = _HERE / "reference.toml", _HERE / "reference.csv"
 _RUN: Mapping[str, Callable[[Told], Quantities]] = {
     "planning": reference_planning.planned,
     "judging": reference_judging.judged,
+    "tracking": reference_judging.tracked,
     "regions": lambda told: {**reference_planning.planned(told), **reference_judging.judged(told)},
     "passing": reference_planning.passed,
     "need": reference_planning.needed,

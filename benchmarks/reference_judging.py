@@ -16,6 +16,7 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.result import Result, result_of
+from hdvplan.judging.tracking import tracking_of
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.stations import stations_of
@@ -106,6 +107,16 @@ def _of_steering(result: Result) -> Quantities:
     for name, use in (("curvature", steering.curvature), ("rate", steering.rate)):
         found |= {f"{name} share": use.share, f"{name} full": sum(last - first for first, last in use.stretches)}
     return found
+
+
+def tracked(told: Told) -> Quantities:
+    """Return how far a driver may stray from a prescribed motion, with a tracking length of 6 m, and what decides it."""
+    case = case_of(told)
+    result = result_of(_prescribed(case, told), solver=case.solver, objective=case.objective)
+    tracking = tracking_of(result.drive, result.balance, 6.0)
+    if tracking is None:
+        return {"error": "none"}
+    return {"error": tracking.error, "s": tracking.s, "who": f"{tracking.unit} {tracking.part}", "decided": str(tracking.decided)}
 
 
 def proved(told: Told) -> Quantities:

@@ -17,7 +17,8 @@ from cases import words, write_results
 from hdvplan.api import plan
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.judging.straying import SPACING_M, Chain, chain_of
-from hdvplan.judging.tracking import Tracked, tracking_of
+from hdvplan.judging.tracked import Tracked
+from hdvplan.judging.tracking import tracking_of
 from hdvplan.report.grid import markdown_table
 from tests.tracking.attacks import Motion, strayed
 from tests.tracking.scenes import Scene, along, case_of
@@ -60,6 +61,7 @@ def attacked(vehicle: str, attacks: int) -> dict[str, object]:
     made, rng = Tracked(chain.vehicle.table(), chain.links, LENGTH_M), np.random.default_rng(11)
     aimed = aims(result, chain, 1.05 * error)
     made.err(error)
+    made.follow(aimed["at"])
     touches, batches = 0, -(-attacks // BATCH)
     for number in range(batches):
         kind = KINDS[number % len(KINDS)]

@@ -8,6 +8,8 @@
 
 static const double BEFORE_M = 150.0; /* of driving like at the start, until errors are what they would always be */
 static const int ROUNDS = 3;          /* of what depends on itself at most: each leaves its square */
+static const double ARCTAN = 0.33;    /* half the largest second derivative of the arctangent, and more */
+static const double LOST = 0.7;       /* of a heading error [rad], beyond which no bound stays finite */
 static const double SETTLED = 1e-9;   /* [m], [rad]: what changes by less needs no further round */
 
 /* The errors of a coupling against its planned track. */
@@ -16,7 +18,20 @@ struct coupling {
     double slope;    /* its change a metre of that track */
     double residual; /* of the offset, that the unit ahead leaves [m] */
     double shift;    /* along the track, from beside the unit ahead [m] */
+    double beyond;   /* of the offset, beyond the first order [m] */
+    double steeper;  /* of the slope, beyond the first order [m/m] */
 };
+
+/* What a unit strays beyond the first order. */
+struct beyond {
+    double axle, heading; /* [m], [rad] */
+    double next;          /* of its coupling behind, without what T3 leaves out [m] */
+};
+
+static const struct hdv_gain *gain_at(const struct hdv_tracked *on, int64_t interval, int64_t unit) {
+    int64_t at = interval < 0 ? 0 : interval < on->intervals ? interval : on->intervals - 1;
+    return &on->gains[at * on->count + unit];
+}
 
 /* Where a coupling is along its planned track, seen from its unit's axle. */
 struct aside {
@@ -72,6 +87,7 @@ struct off_law {
 struct ahead {
     double heading;      /* error [rad] */
     double heading_rate; /* its change a metre of the front axle's track [rad/m] */
+    struct beyond beyond;
 };
 
 /* Largest change of a body's rate of turning within so many metres of the front axle's track [rad/m]. */
@@ -176,24 +192,82 @@ static struct turning turning_of(
     };
 }
 
+/* What the residuals, the bow and the drift add to the first order at most: the comparison of T1 to T4, with them alone
+ * as errors. */
+static struct beyond beyond_of(
+    const struct hdv_tracked *on, const struct hdv_link *link, const struct beyond *ahead, double coupling,
+    const struct hdv_stray *stray, double before
+) {
+    double offset = coupling + stray->residual + fabs(stray->bow), followed = 1.0 + link->law_by_heading;
+    double source = fabs(followed) * link->by_offset * offset + fabs(link->law_by_ahead) * ahead->axle +
+                    fabs(link->law_by_turned) * ahead->heading;
+    double rate = link->axle_speed * (followed * link->by_axle - link->law_by_axle);
+    double axle = (before + on->spacing * (link->axle_speed * source + stray->drift)) / (1.0 + on->spacing * rate);
+    return (struct beyond){
+        axle,
+        link->by_offset * offset + link->by_axle * axle,
+        fabs(link->next_by_axle - link->next_by_heading * link->by_axle) * axle +
+            fabs(link->next_by_heading) * link->by_offset * offset,
+    };
+}
+
+/* How a unit is led: its coupling, where this is, and the course of that. */
+struct lead {
+    struct coupling coupling;
+    struct aside aside;
+    double course, off; /* by how much its wheels are turned otherwise [rad] */
+};
+
+/* What the slope of the coupling behind is at most beyond the first order: what is left of the slope without its linear
+ * part, with all that its parts are beyond theirs. Curvature may change on the way along a track: it counts twice. */
+static double steeper_of(
+    const struct hdv_link *link, const struct posture *posture, const struct lead *lead, const struct beyond *beyond,
+    double hitch, double share, double heading, struct aside at, double offset
+) {
+    double slope = lead->coupling.slope, bend = lead->aside.bend, tangent = posture->theta_tan;
+    double course = tan_of(slope / (1.0 - smaller(bend * lead->coupling.offset, 0.5))) + 2.0 * bend * lead->aside.shift;
+    double swing = share * (tan_of(posture->omega + course + heading) - tangent);
+    double turned = heading + swing + ARCTAN * swing * swing + 2.0 * at.bend * at.shift;
+    double by_course = share * (1.0 + tangent * tangent);
+    double linear = heading + by_course * (slope + heading);
+    double shift = beyond->axle * posture->alpha_sin / posture->theta_cos + lead->coupling.beyond * tangent;
+    double along =
+        beyond->axle * fabs(sin(link->next_off - link->axle_off)) + beyond->heading * hitch * fabs(sin(link->next_off));
+    double parts = beyond->heading + by_course * (lead->coupling.steeper + bend * shift + beyond->heading);
+    return tan_of(turned) * (1.0 + at.bend * offset) - linear + parts + at.bend * along;
+}
+
 /* What a unit passes on to the coupling behind it, T3. */
 static struct coupling passed_on(
     const struct hdv_tracked *on, int64_t interval, int64_t unit, const struct hdv_stray *stray,
-    const struct posture *posture, double course, double off
+    const struct posture *posture, const struct lead *lead, const struct beyond *beyond
 ) {
     const struct hdv_link *link = link_at(on, interval, unit);
+    const struct hdv_gain *gain = gain_at(on, interval, unit), *after = gain_at(on, interval + 1, unit);
     double hitch = fabs(on->units[unit].hitch_offset), share = hitch / on->units[unit].wheelbase;
-    double bow = hitch * (1.0 - cos(stray->heading)), sideways = sin(link->next_off);
+    double bow = hitch * (1.0 - cos(stray->heading)), sideways = fabs(sin(link->next_off));
     double third = hitch * (stray->heading - sin(stray->heading));
-    double offset =
-        stray->axle * fabs(link->next_by_axle) + stray->heading * fabs(link->next_by_heading) + bow * fabs(sideways);
-    double along =
-        stray->axle * fabs(sin(link->next_off - link->axle_off)) + hitch * stray->heading * fabs(sideways) + bow;
-    struct aside at = aside_of(on, interval, unit + 1, offset, along, 0.0);
-    double swing = share * (tan_of(posture->omega + course + stray->heading) - posture->theta_tan);
-    double slope = tan_of(stray->heading + off * (2.0 + share) + swing + at.bend * at.shift) * (1.0 + at.bend * offset);
+    double straight = smaller(
+        stray->axle * fabs(link->next_by_axle) + stray->heading * fabs(link->next_by_heading),
+        on->error * gain->next + beyond->next + third
+    );
+    double offset = straight + bow * sideways;
+    double along = smaller(
+        stray->axle * fabs(sin(link->next_off - link->axle_off)) + hitch * stray->heading * sideways,
+        (straight * sideways + stray->axle * posture->alpha_sin) / cos(link->next_off)
+    );
+    struct aside at = aside_of(on, interval, unit + 1, offset, along + bow, 0.0);
+    double swing = share * (tan_of(posture->omega + lead->course + stray->heading) - posture->theta_tan);
+    double turned = stray->heading + lead->off * (2.0 + share) + swing + at.bend * at.shift;
+    double slope = tan_of(turned) * (1.0 + at.bend * offset), steeper = INFINITY;
+    if (lead->off == 0.0) {
+        steeper = steeper_of(link, posture, lead, beyond, hitch, share, stray->heading, at, offset);
+        slope = smaller(slope, on->error * larger(gain->next_slope, after->next_slope) + steeper);
+    }
     double residual = seen_aside(at, offset, slope);
-    return (struct coupling){offset + residual, slope, residual + bow * fabs(sideways) + third, at.shift};
+    return (struct coupling){
+        offset + residual, slope, residual + bow * sideways + third, at.shift, beyond->next, steeper,
+    };
 }
 
 /* Bounds of one unit at one interval, from those an interval before, and of the coupling behind it. */
@@ -203,8 +277,11 @@ static struct coupling stray_on(
 ) {
     const struct hdv_unit *own = &on->units[unit];
     const struct hdv_link *link = link_at(on, interval, unit);
-    double length = own->wheelbase, course = 0.0;
+    const struct hdv_gain *gain = gain_at(on, interval, unit);
+    double length = own->wheelbase;
     struct hdv_stray before = *stray;
+    struct lead lead = {.coupling = coupling};
+    struct beyond beyond = {0.0, 0.0, 0.0};
     struct posture at = posture_of(link, &before);
     struct off_law off = {0.0, 0.0, 0.0, 0.0, 0.0};
     struct turning turning = {0.0, 0.0, 0.0};
@@ -212,9 +289,10 @@ static struct coupling stray_on(
     for (int round = 0; round < ROUNDS; round++) {
         double sine = sin(stray->heading), cosine = cos(stray->heading), bow = length * (1.0 - cosine);
         double along = (stray->axle * at.alpha_sin + bow) / at.theta_cos;
-        struct aside aside = aside_of(on, interval, unit, coupling.offset, along, at.theta_tan);
+        struct aside aside = lead.aside = aside_of(on, interval, unit, coupling.offset, along, at.theta_tan);
         off = off_law_of(on, interval, unit, aside, coupling, *ahead, stray->heading);
-        course = atan(coupling.slope / (1.0 - smaller(aside.bend * coupling.offset, 0.5))) + aside.bend * aside.shift;
+        lead.course =
+            atan(coupling.slope / (1.0 - smaller(aside.bend * coupling.offset, 0.5))) + aside.bend * aside.shift;
         stray->residual = coupling.residual + seen_aside(aside, coupling.offset, coupling.slope) +
                           length * at.theta_cos * (stray->heading - sine);
         stray->bow = bow * at.theta_sin;
@@ -226,33 +304,68 @@ static struct coupling stray_on(
         double rate = link->axle_speed * (1.0 + off.damping) * link->by_axle;
         double axle = stray->axle, heading = stray->heading;
         stray->axle = (before.axle + on->spacing * (source + stray->drift)) / (1.0 + on->spacing * rate);
-        turning = turning_of(own, link, &at, before.heading, course, off);
+        beyond = beyond_of(on, link, &ahead->beyond, coupling.beyond, stray, before.beyond);
+        stray->axle = smaller(stray->axle, on->error * gain->axle + beyond.axle);
+        turning = turning_of(own, link, &at, before.heading, lead.course, off);
         double most = offset * link->by_offset + stray->axle * link->by_axle;
         stray->heading = before.heading + on->spacing * turning.rate / (1.0 + on->spacing * turning.damping);
         if (stray->heading > most) /* as the angle is more than its sine */
             stray->heading = smaller(stray->heading, asin(smaller(most, 1.0)));
+        stray->heading = smaller(stray->heading, on->error * gain->heading + beyond.heading);
         if (fabs(stray->axle - axle) < SETTLED && fabs(stray->heading - heading) < SETTLED)
             break;
     }
-    *ahead = (struct ahead){stray->heading, turning.most};
+    stray->beyond = beyond.axle;
+    lead.off = off.angle;
+    *ahead = (struct ahead){stray->heading, turning.most, beyond};
     if (unit + 1 == on->count)
         return coupling;
-    return passed_on(on, interval, unit, stray, &at, course, off.angle);
+    return passed_on(on, interval, unit, stray, &at, &lead, &beyond);
 }
 
-/* Write how far each unit strays at most, (intervals, count). */
-HDV_EXPORT void hdv_stray(const struct hdv_tracked *on) {
+/* Go on by one interval; return whether the bounds there are as they were. */
+static int stray_within(const struct hdv_tracked *on, int64_t interval, struct hdv_stray *now) {
+    struct coupling coupling = {on->error, on->slope, 0.0, 0.0, 0.0, 0.0};
+    struct ahead ahead = {0.0, 0.0, {0.0, 0.0, 0.0}};
+    int same = interval >= 0;
+    for (int64_t unit = 0; unit < on->count; unit++) {
+        coupling = stray_on(on, interval, unit, coupling, &ahead, &now[unit]);
+        if (interval < 0)
+            continue;
+        struct hdv_stray *before = &on->strays[interval * on->count + unit];
+        same &= fabs(before->axle - now[unit].axle) < SETTLED && fabs(before->heading - now[unit].heading) < SETTLED &&
+                fabs(before->beyond - now[unit].beyond) < SETTLED;
+        *before = now[unit];
+    }
+    return same;
+}
+
+static int are_lost(const struct hdv_tracked *on, const struct hdv_stray *now) {
+    for (int64_t unit = 0; unit < on->count; unit++)
+        if (!(now[unit].heading < LOST))
+            return 1;
+    return 0;
+}
+
+/* Whatever comes after a heading error without a bound has none. */
+static void lose(const struct hdv_tracked *on, int64_t interval) {
+    for (int64_t i = (interval > 0 ? interval : 0) * on->count; i < on->intervals * on->count; i++)
+        on->strays[i] = (struct hdv_stray){INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
+}
+
+/* Write how far each unit strays at most, (intervals, count): from interval ``first`` on, where those before it are
+ * known, to where from ``beyond`` on nothing changes. */
+HDV_EXPORT void hdv_stray(const struct hdv_tracked *on, int64_t first, int64_t beyond) {
     struct hdv_stray now[HDV_MOST_UNITS];
     for (int64_t unit = 0; unit < on->count; unit++)
-        now[unit] = (struct hdv_stray){0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
-    int64_t before = (int64_t)(BEFORE_M / on->spacing);
-    for (int64_t i = -before; i < on->intervals; i++) {
-        struct coupling coupling = {on->error, on->slope, 0.0, 0.0};
-        struct ahead ahead = {0.0, 0.0};
-        for (int64_t unit = 0; unit < on->count; unit++) {
-            coupling = stray_on(on, i, unit, coupling, &ahead, &now[unit]);
-            if (i >= 0)
-                on->strays[i * on->count + unit] = now[unit];
+        now[unit] = first > 0 ? on->strays[(first - 1) * on->count + unit]
+                              : (struct hdv_stray){0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    for (int64_t i = first > 0 ? first : -(int64_t)(BEFORE_M / on->spacing); i < on->intervals; i++) {
+        if (stray_within(on, i, now) && i >= beyond)
+            return;
+        if (are_lost(on, now)) {
+            lose(on, i);
+            return;
         }
     }
 }

@@ -9,7 +9,6 @@
 
 #include "numbers.h"
 
-static const double LEFT = 1e-5;       /* of the error: what lies further back counts less together */
 static const int64_t FURTHEST = 20000; /* intervals back at most */
 static const int64_t LOOK = 8;         /* intervals back after which it is looked whether a gap can still be closed */
 
@@ -158,12 +157,29 @@ static double most_of(const struct programme *on) {
     return larger(larger(most, other), reached[on->levels]) + on->slack + 0.5 * on->largest / (double)on->levels;
 }
 
-/* How far one brush comes at most; whatever lies further back, bodies stray no more than ``outstanding``, so that it
- * ends where the gap cannot be closed any more. Weights of the nodes, from the brush backwards, go to ``weights``
- * (room,) unless it is NULL; returned is their number. */
+/* Take off what a brush an interval before counts for; return what the error there does. */
+HDV_INLINE double take_off(
+    const struct hdv_tracked *on, int64_t count, struct between at, const struct hdv_brush *less, double *axle,
+    double *left
+) {
+    struct hdv_link links[HDV_MOST_UNITS];
+    struct adjoint pull;
+    mix(count, at, links);
+    pulled(count, links, NULL, less->unit, -less->by_heading, &pull);
+    *left += left_out(on, count, at, &pull, NULL, 1.0);
+    for (int64_t i = 0; i < count; i++)
+        axle[i] += pull.axle[i];
+    axle[less->unit] -= less->by_axle;
+    return pull.offset[0];
+}
+
+/* How far one brush comes at most, or how much further than ``less`` an interval before, unless that is NULL; whatever
+ * lies further back, bodies stray no more than ``outstanding``, so that it ends where the gap cannot be closed any
+ * more. Weights of the nodes, from the brush backwards, go to ``weights`` (room,) unless it is NULL; returned is their
+ * number. */
 HDV_INLINE int64_t approach(
-    const struct hdv_tracked *on, int64_t count, const struct hdv_brush *brush, double *weights, int64_t room,
-    struct hdv_approach *found
+    const struct hdv_tracked *on, int64_t count, const struct hdv_brush *brush, const struct hdv_brush *less,
+    double *weights, int64_t room, struct hdv_approach *found
 ) {
     struct programme programme;
     struct hdv_link links[HDV_MOST_UNITS];
@@ -187,7 +203,7 @@ HDV_INLINE int64_t approach(
     for (; node < FURTHEST; node++) {
         at = between_at(on, place - 0.5 - (double)node);
         double rest = outstanding(on, count, at, axle);
-        if (!(rest >= LEFT * on->error)) /* or a bound that is none */
+        if (!(rest >= on->rest * on->error)) /* or a bound that is none */
             break;
         if (node % LOOK == 0 && on->error * (most_of(&programme) + fabs(weight)) + left + rest < brush->gap)
             break;
@@ -207,6 +223,8 @@ HDV_INLINE int64_t approach(
         if (weights && node < room)
             weights[node] = weight;
         weight = 0.5 * own - pull.course;
+        if (less && node == 0)
+            weight += take_off(on, count, between_at(on, place - 1.0), less, axle, &left);
     }
     add_node(&programme, weight);
     if (weights && node < room)
@@ -215,23 +233,24 @@ HDV_INLINE int64_t approach(
     return node + 1;
 }
 
-/* The same, compiled for one unit and for any number of them. */
+/* The same, compiled for one unit, for two, and for any number of them; those behind move no body ahead. */
 static int64_t approach_of(
-    const struct hdv_tracked *on, const struct hdv_brush *brush, double *weights, int64_t room,
-    struct hdv_approach *found
+    const struct hdv_tracked *on, const struct hdv_brush *brush, const struct hdv_brush *less, double *weights,
+    int64_t room, struct hdv_approach *found
 ) {
-    if (on->count == 1)
-        return approach(on, 1, brush, weights, room, found);
-    if (on->count == 2)
-        return approach(on, 2, brush, weights, room, found);
-    return approach(on, on->count, brush, weights, room, found);
+    int64_t count = brush->unit + 1;
+    if (count == 1)
+        return approach(on, 1, brush, less, weights, room, found);
+    if (count == 2)
+        return approach(on, 2, brush, less, weights, room, found);
+    return approach(on, count, brush, less, weights, room, found);
 }
 
 /* Write how far brushes (count,) come at most. */
 HDV_EXPORT void
 hdv_approach(const struct hdv_tracked *on, const struct hdv_brush *brushes, int64_t count, struct hdv_approach *found) {
     for (int64_t number = 0; number < count; number++)
-        approach_of(on, &brushes[number], NULL, 0, &found[number]);
+        approach_of(on, &brushes[number], NULL, NULL, 0, &found[number]);
 }
 
 /* Write what the error counts for at one brush, on nodes from there backwards, into weights (room,); return how many.
@@ -239,6 +258,43 @@ hdv_approach(const struct hdv_tracked *on, const struct hdv_brush *brushes, int6
 HDV_EXPORT int64_t
 hdv_weights(const struct hdv_tracked *on, const struct hdv_brush *brush, double *weights, int64_t room) {
     struct hdv_approach found;
-    int64_t count = approach_of(on, brush, weights, room, &found);
+    int64_t count = approach_of(on, brush, NULL, weights, room, &found);
     return count < room ? count : room;
+}
+
+/* What depends on a unit's axle and heading in the middle of an interval; its gap is never closed. */
+static struct hdv_brush
+brush_at(const struct hdv_tracked *on, int64_t interval, int64_t unit, double by_axle, double by_heading) {
+    double at = ((double)interval + 0.5) * on->spacing;
+    return (struct hdv_brush){.gap = -1.0, .at = at, .by_axle = by_axle, .by_heading = by_heading, .unit = unit};
+}
+
+/* The coupling behind a unit, T3. */
+static struct hdv_brush next_at(const struct hdv_tracked *on, int64_t interval, int64_t unit) {
+    const struct hdv_link *link = link_at(on, interval, unit);
+    return brush_at(on, interval, unit, link->next_by_axle, link->next_by_heading);
+}
+
+/* All of how far a brush comes, for every metre of the error. */
+static double gain_of(const struct hdv_tracked *on, struct hdv_brush brush, const struct hdv_brush *less) {
+    struct hdv_approach found;
+    approach_of(on, &brush, less, NULL, 0, &found);
+    return found.gain + found.remainder / on->error;
+}
+
+/* Write the gains of intervals from ``first`` to before ``beyond``, by strays of an error so small that nothing of
+ * second order counts. */
+HDV_EXPORT void hdv_gains(const struct hdv_tracked *on, int64_t first, int64_t beyond) {
+    for (int64_t i = first; i < beyond; i++) {
+        for (int64_t unit = 0; unit < on->count; unit++) {
+            struct hdv_gain *gain = &on->gains[i * on->count + unit];
+            struct hdv_brush next = next_at(on, i, unit), before = next_at(on, i - 1, unit);
+            gain->axle = gain_of(on, brush_at(on, i, unit, 1.0, 0.0), NULL);
+            gain->heading = gain_of(on, brush_at(on, i, unit, 0.0, 1.0), NULL);
+            if (unit + 1 == on->count)
+                continue;
+            gain->next = gain_of(on, next, NULL);
+            gain->next_slope = gain_of(on, next, &before) / (on->spacing * link_at(on, i, unit + 1)->coupling_speed);
+        }
+    }
 }

@@ -44,17 +44,29 @@ struct hdv_stray {
     double residual;      /* of that offset, T1 and T3 [m] */
     double bow;           /* T1: what a body askew takes off that offset, signed [m] */
     double drift;         /* of the axle's rate, T2 [m/m] */
+    double beyond;        /* of the axle, beyond the first order [m] */
+};
+
+/* The most that a unit strays to first order, for every metre of the driver's error; INFINITY where nobody has looked.
+ */
+struct hdv_gain {
+    double axle;       /* [m/m] */
+    double heading;    /* [rad/m] */
+    double next;       /* of the coupling behind, T3 [m/m] */
+    double next_slope; /* and its change from the interval before, a metre of that coupling's track [1/m] */
 };
 
 /* A plan, and the errors that are looked at. */
 struct hdv_tracked {
     const struct hdv_unit *units;
     const struct hdv_link *links; /* (intervals, count) */
+    struct hdv_gain *gains;       /* (intervals, count) */
     struct hdv_stray *strays;     /* (intervals, count) */
     int64_t count, intervals;
     double spacing; /* length of an interval [m] */
     double error;   /* largest lateral error of the front axle E [m] */
     double slope;   /* and its largest rate, E / l [m/m] */
+    double rest;    /* of the error: what counts less together is not followed further back */
     int64_t levels; /* steps from -E to E; the error changes by at most one an interval */
 };
 

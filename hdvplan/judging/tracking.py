@@ -12,35 +12,26 @@ import numpy as np
 import shapely
 
 from hdvplan import core
-from hdvplan.arrays import FloatArray, Records
+from hdvplan.arrays import Records
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import Balance
 from hdvplan.judging.bodies import part_named
 from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.straying import SPACING_M, Chain, Posed, chain_of
+from hdvplan.judging.straying import Chain, Posed, chain_of
+from hdvplan.judging.tracked import BRUSH, ROUNDED_M, Tracked
 from hdvplan.road.pieces import Kerb, Pieces, pieces_of
 from hdvplan.vehicle.body import axles_behind
 
-_ROUNDED_M = 1e-4  # the error is found to this
 _MOST = 1 << 18  # brushes at once
 _FIRST_M, _GROWTH = 0.2, 1.4  # where the largest error has no bound: one that is looked at first, and by how much more then
 _NEAR = 0.9  # of an error that has no bound, from which on nothing larger is looked for
-_ASKEW = 0.7  # of a heading error [rad], beyond which no bound stays finite
 _LARGEST_M = 1.0  # and at most: who strays further does not follow a path
-_MEMORY_M, _AHEAD_M = 200.0, 5.0  # of a plan before and beyond a place, on which errors there depend
-_AROUND_M = 15.0  # of a place: others there are looked at together with it
 _AT_ONCE, _MORE = 128, 8  # brushes that are followed up together at first, and how many times as many after that
 _FEW = 16  # of those that may be closed: the first ones, which are looked at closely before the others
 _APART = 2  # simulated poses from one to the next, where poses around are looked at together
-_ASIDE = 0.4  # of what the error is found to, from the likeliest one on: the next one is then on the other side of what is sought
-_LEAST = 1e-30  # that is divided by
-_ROUNDING = 1e-9
 _ANYWHERE_M = 1e9  # of the line
 
-TRACKED, STRAY, BRUSH, APPROACH = (core.record(f"hdv_{name}") for name in ("tracked", "stray", "brush", "approach"))
 _POSED = core.record("hdv_posed")
-_stray = core.function("hdv_stray", core.POINTER)
-_approach = core.function("hdv_approach", core.POINTER, core.POINTER, core.INT, core.POINTER)
 _brushes = core.function(
     "hdv_brushes", core.POINTER, core.POINTER, core.POINTER, core.POINTER, core.INT, returns=core.INT
 )  # fmt: skip
@@ -61,80 +52,6 @@ class Tracking:
     unit: int
     part: str
     decided: bool = True  #: whether the place decides; else larger errors may be allowed: they have no bound, or were not looked at
-
-
-class Tracked:
-    """A chain of planned tracks with a driver's errors: how far bodies stray at most."""
-
-    def __init__(self, units: Records, links: Records, length: float) -> None:
-        self.units, self.links, self.length = units, np.ascontiguousarray(links), length
-        self.strays = np.zeros(links.shape, STRAY)
-        self.levels = int(np.clip(2.0 * length / SPACING_M + _ROUNDING, 1, core.number("HDV_MOST_LEVELS")))
-        self.record = np.zeros(1, TRACKED)
-        for name, array in (("units", units), ("links", self.links), ("strays", self.strays)):
-            self.record[name] = core.address(array)
-        self.record["intervals"], self.record["count"] = links.shape
-        self.record["spacing"], self.record["levels"] = SPACING_M, self.levels
-
-    def err(self, error: float) -> None:
-        """Bound what bodies stray with errors up to ``error`` [m]."""
-        self.record["error"], self.record["slope"] = error, error / self.length
-        _stray(core.address(self.record))
-
-    def approaches(self, brushes: Records) -> FloatArray:
-        """Return how far brushes (n,) come at most: the gain, and what is added to the error's gain [m], (2, n).
-
-        Of a brush whose gap the errors cannot close it is no more than that: what is returned is less than the gap.
-        """
-        brushes, found = np.ascontiguousarray(brushes), np.empty(len(brushes), APPROACH)
-        _approach(core.address(self.record), core.address(brushes), len(brushes), core.address(found))
-        return np.stack([found["gain"], np.nan_to_num(found["remainder"], nan=np.inf)])  # a bound that ends in no number is none
-
-    def closed(self, brushes: Records) -> Records:
-        """Return the brushes whose gap the errors may close, that of the least error first."""
-        gain, remainder = self.approaches(brushes)
-        error = float(self.record["error"][0])
-        closed = error * gain + remainder > brushes["gap"]
-        gain, remainder, brushes = gain[closed], remainder[closed], brushes[closed]
-        return brushes[np.argsort(_closing(brushes["gap"], gain, remainder, error), kind="stable")]
-
-    def solved(self, closed: Records) -> tuple[float, Records]:
-        """Return the largest error that does not close the gap of some brushes [m], which the present one closes, and the brush (1,).
-
-        Those count that are near to the first one, so that the same errors move them.
-        """
-        at = closed["at"][0]
-        begin, end = (int(np.clip((at + to) / SPACING_M, 0, len(self.links))) for to in (-_AROUND_M - _MEMORY_M, _AROUND_M + _AHEAD_M))
-        own = closed[np.abs(closed["at"] - at) < _AROUND_M]
-        around, there, high = Tracked(self.units, self.links[begin:end], self.length), own.copy(), float(self.record["error"][0])
-        there["at"] -= begin * SPACING_M
-        (over, number), low = self._over(own), 0.0
-        before, error = high, high - over
-        while high - low > _ROUNDED_M:
-            if not low < error < high:
-                error = 0.5 * (low + high)
-            around.err(error)
-            over_before, (over, number) = over, around._over(there)
-            low, high = (low, error) if over > 0.0 else (error, high)
-            slope = (over - over_before) / (error - before)  # of the secant; 1 or more
-            before, aside = error, _ASIDE * _ROUNDED_M  # to the other side of what is sought, where this is near
-            error -= over / max(slope, 1.0) + (aside if over > 0.0 else -aside)
-        return low, own[number : number + 1]
-
-    def _over(self, brushes: Records) -> tuple[float, int]:
-        """Return by how much the present error is more than one that closes a gap [m], exact where that is nothing, and which brush's."""
-        whole, error = brushes.copy(), float(self.record["error"][0])
-        whole["gap"] = 0.0  # all of their approach is looked at, whether the gap can be closed or not
-        gain, remainder = self.approaches(whole)
-        closing = _closing(brushes["gap"], gain, remainder, error)
-        return error - float(np.min(closing)), int(np.argmin(closing))
-
-
-def _closing(gap: FloatArray, gain: FloatArray, remainder: FloatArray, error: float) -> FloatArray:
-    """Return with which errors gaps [m] may close, (n,) [m]; remainders [m] are those of ``error``, and grow as its square, or nearly."""
-    gap, square = np.maximum(gap, 0.0), np.minimum(remainder / error**2, 1.0 / _ROUNDED_M**2)
-    found: FloatArray = 2.0 * gap / np.maximum(gain + np.sqrt(gain**2 + 4.0 * square * gap), _LEAST)
-    return found
 
 
 @dataclass(frozen=True)
@@ -172,7 +89,7 @@ class Search:
         closed = None if near is None else self.closed(near)
         while near is not None and closed is not None and len(closed):
             solved, brush = self.tracked.solved(closed[:_FEW])
-            error = min(solved, error - _ROUNDED_M)
+            error = min(solved, error - ROUNDED_M)
             if error <= 0.0:
                 return 0.0, brush
             self.tracked.err(error)
@@ -184,8 +101,7 @@ class Search:
 
         Of all poses those that were simulated are looked at: what is missed between them is taken off every gap.
         """
-        self.tracked.err(error)
-        if not np.all(self.tracked.strays["heading"] < _ASKEW):
+        if not self.tracked.bounded(error):
             return None
         found = self._brushes(self.chain.posed)
         if found is None:
@@ -217,7 +133,9 @@ class Search:
             if more is None:
                 return None
             parts.append(more)
-        return self.tracked.closed(np.concatenate(parts))
+        found = np.concatenate(parts)
+        closed = self.tracked.closed(found)
+        return self.tracked.closed(found) if self.tracked.follow(closed["at"]) else closed
 
     def _brushes(self, posed: Posed) -> Records | None:
         """Return the pairs of bodies and kerbs whose gap might be closed at some poses; None where there are too many."""

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.arrays import BoolArray
 from hdvplan.judging.result import Result
 from hdvplan.judging.straying import SPACING_M, Posed, chain_of
-from hdvplan.judging.tracking import BRUSH, Tracked
+from hdvplan.judging.tracked import BRUSH, Tracked
 
 
 def tubes_of(result: Result, stretches: Sequence[tuple[float, float]]) -> list[BaseGeometry]:
@@ -26,10 +26,11 @@ def tubes_of(result: Result, stretches: Sequence[tuple[float, float]]) -> list[B
         return []
     chain = chain_of(result.drive)
     tracked = Tracked(chain.vehicle.table(), chain.links, tracking.length)
-    tracked.err(tracking.error)
     s, poses, front = chain.posed
     within: list[BoolArray] = [(s >= s_from) & (s <= s_to) for s_from, s_to in stretches]
     shown = np.flatnonzero(np.any(within, axis=0))  # at fewer poses, what front corners sweep has teeth
+    tracked.bounded(tracking.error)
+    tracked.follow(front[shown])
     outlines = _outlines(tracked, Posed(s[shown], poses[shown], front[shown]))
     return [shapely.union_all(outlines[one[shown]]) for one in within]
 

@@ -11,14 +11,14 @@ from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.judging.result import Result
 from hdvplan.judging.straying import SPACING_M, Chain, chain_of
-from hdvplan.judging.tracking import BRUSH, Tracked
+from hdvplan.judging.tracked import BRUSH, Tracked
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from tests.tracking.attacks import STEP_M, Driver, strayed
 
 LENGTH_M = 6.0
-# Errors at which the bound is finite in this U-turn of 17 m: of an A-double it ends between 0.1 and 0.3 m.
-ERRORS = {"bus": 0.3, "articulated-bus": 0.3, "tractor-trailer": 0.3, "semitrailer-steered": 0.3, "a-double": 0.1}
+VEHICLES = ("bus", "articulated-bus", "tractor-trailer", "semitrailer-steered", "a-double")
+ERROR_M = 0.3
 WEIGHTS = core.function("hdv_weights", core.POINTER, core.POINTER, core.POINTER, core.INT, returns=core.INT)
 
 
@@ -28,7 +28,7 @@ def bend(name: str) -> Chain:
 
 def tracked(chain: Chain, error: float, length: float = LENGTH_M) -> Tracked:
     made = Tracked(chain.vehicle.table(), chain.links, length)
-    made.err(error)
+    made.bounded(error)
     return made
 
 
@@ -89,9 +89,9 @@ def attacks(made: Tracked, of: Records, half_steps: FloatArray, rng: np.random.G
     return np.stack([*found, np.ones(len(half_steps)), -np.ones(len(half_steps))])
 
 
-@pytest.mark.parametrize("name", [name if name == "bus" else pytest.param(name, marks=pytest.mark.slow) for name in ERRORS])
+@pytest.mark.parametrize("name", [name if name == "bus" else pytest.param(name, marks=pytest.mark.slow) for name in VEHICLES])
 def test_no_driver_leads_a_body_beyond_its_bound(name: str) -> None:
-    chain, error = bend(name), ERRORS[name]
+    chain, error = bend(name), ERROR_M
     posed = chain.closely()
     lead = posed.poses[:, 0]
     points = np.stack([lead[axis] + chain.vehicle.lead.wheelbase * lead[part] for axis, part in (("x", "cos"), ("y", "sin"))], axis=1)
@@ -102,7 +102,10 @@ def test_no_driver_leads_a_body_beyond_its_bound(name: str) -> None:
     of = np.concatenate([brushes(chain, at), brushes(chain, at - 8.0)])
     half_steps = 0.5 * STEP_M * np.arange(2 * len(driver.front), dtype=np.float64)
     driven = driver.driven(error * attacks(made, of, half_steps, np.random.default_rng(7)))
+    made.follow(of["at"])
     gain, remainder = made.approaches(of)
+    beyond = 0.55 if name == "a-double" else 0.3  # of the first order, which is within 3 % of the worst
+    assert np.all(remainder < beyond * error * gain)
     for number, brush in enumerate(of):
         unit, normal_heading = int(brush["unit"]), float(np.interp(brush["at"], posed.front, headings[:, brush["unit"]]))
         moved, turned = strayed(planned, driven, unit, float(brush["at"]))

@@ -8,9 +8,9 @@ import numpy as np
 
 from hdvplan.arrays import BoolArray, FloatArray, Records
 from hdvplan.judging.straying import SPACING_M
-from hdvplan.judging.tracking import BRUSH, STRAY
+from hdvplan.judging.tracked import BRUSH, STRAY
 
-BEFORE_M, ROUNDS, WINDOW_M, REACH_M, NEVER_M = 150.0, 3, 4.0, 0.5, 1e-9
+BEFORE_M, ROUNDS, WINDOW_M, REACH_M, NEVER_M, ARCTAN = 150.0, 3, 4.0, 0.5, 1e-9, 0.33
 
 
 class Errors(NamedTuple):
@@ -20,6 +20,33 @@ class Errors(NamedTuple):
     slope: float
     residual: float = 0.0
     shift: float = 0.0
+    beyond: float = 0.0  # of the offset, beyond the first order [m]
+    steeper: float = 0.0  # of the slope
+
+
+class Lead(NamedTuple):
+    """How a unit is led: its coupling, where this is along its track and the track's bend there, its course, and how wheels are turned."""
+
+    coupling: Errors
+    aside: tuple[float, float]
+    course: float
+    off: float
+
+
+class Beyond(NamedTuple):
+    """What a unit strays beyond the first order: its axle [m], its heading [rad], and its coupling behind [m]."""
+
+    axle: float = 0.0
+    heading: float = 0.0
+    next: float = 0.0
+
+
+class Ahead(NamedTuple):
+    """What of the unit ahead a law depends on: its heading [rad] and its rate, and what lies beyond the first order."""
+
+    heading: float = 0.0
+    rate: float = 0.0
+    beyond: Beyond = Beyond()
 
 
 class Law(NamedTuple):
@@ -35,16 +62,16 @@ class Law(NamedTuple):
 class Strays:
     """The comparison of docs/maths.md, Tracking error, along the links of a plan (intervals, units)."""
 
-    def __init__(self, units: Records, links: Records) -> None:
-        self.units, self.links = units, links
+    def __init__(self, units: Records, links: Records, gains: Records) -> None:
+        self.units, self.links, self.gains = units, links, gains
 
     def of(self, error: float, slope: float) -> Records:
         """Return how far every unit strays at most, (intervals, units) of ``STRAY``."""
         found, now = np.zeros(self.links.shape, STRAY), np.zeros(len(self.units), STRAY)
         for i in range(-int(BEFORE_M / SPACING_M), len(self.links)):
-            coupling, ahead = Errors(error, slope), (0.0, 0.0)
+            coupling, ahead = Errors(error, slope), Ahead()
             for unit in range(len(self.units)):
-                coupling, ahead = self._step(i, unit, coupling, ahead, now[unit])
+                coupling, ahead = self._step(i, unit, coupling, ahead, now[unit], error)
             if i >= 0:
                 found[i] = now
         return found
@@ -52,6 +79,10 @@ class Strays:
     def _link(self, i: int, unit: int) -> np.void:
         link: np.void = self.links[min(max(i, 0), len(self.links) - 1), unit]
         return link
+
+    def _gain(self, i: int, unit: int) -> np.void:
+        gain: np.void = self.gains[min(max(i, 0), len(self.links) - 1), unit]
+        return gain
 
     def _bend(self, i: int, unit: int, metres: float) -> float:
         each = SPACING_M * float(self._link(i, unit)["coupling_speed"])
@@ -69,7 +100,7 @@ class Strays:
             shift = (along + (offset + bow) * skew + offset * turned) / max(1.0 - 0.5 * turned**2, 0.5)
         return shift, bend
 
-    def _law(self, i: int, unit: int, aside: tuple[float, float], coupling: Errors, ahead: tuple[float, float], heading: float) -> Law:
+    def _law(self, i: int, unit: int, aside: tuple[float, float], coupling: Errors, ahead: Ahead, heading: float) -> Law:
         own, link, (shift, bend) = self.units[unit], self._link(i, unit), aside
         ratio, turned = abs(float(own["steering_ratio"])), bend * shift
         if ratio == 0.0 or own["steered_by"] != 1 + unit:
@@ -83,18 +114,19 @@ class Strays:
             around = 1 + int(np.clip(metres / SPACING_M, 0, 1000))
             turning = np.array([self._link(j, unit - 1)["turning"] for j in range(i - around, i + around + 1)])
             change, speed = np.max(np.abs(turning - turning[around])), abs(turning[around])
-            angle = ahead[0] + heading + (speed + change) * metres
-            missing = ahead[1] * metres + change * metres + speed * 2.0 * second / link["coupling_speed"]
+            angle = ahead.heading + heading + (speed + change) * metres
+            missing = ahead.rate * metres + change * metres + speed * 2.0 * second / link["coupling_speed"]
         planned, stop, other = ratio * abs(link["steered"]), own["max_steering_angle"], ratio * (angle - heading)
         if abs(planned - stop) < ratio * angle:
             return Law(ratio * angle, other, ratio * (missing + angle), ratio, 0.0)
         return Law() if planned >= stop else Law(ratio * angle, other, ratio * missing, ratio, ratio)
 
-    def _step(self, i: int, unit: int, coupling: Errors, ahead: tuple[float, float], stray: np.void) -> tuple[Errors, tuple[float, float]]:
+    def _step(self, i: int, unit: int, coupling: Errors, ahead: Ahead, stray: np.void, error: float) -> tuple[Errors, Ahead]:
         """Write one unit's bounds over those of the interval before; return what it passes on."""
         link, length = self._link(i, unit), float(self.units[unit]["wheelbase"])
         theta, alpha, speed, per = link["coupling_off"], link["axle_off"], link["axle_speed"], link["axle_speed"] / length
         omega, along_axle, before, heading = abs(theta), np.cos(alpha), stray.copy(), float(stray["heading"])
+        gain, beyond = self._gain(i, unit), Beyond()
         stray["offset"] = coupling.offset
         for _ in range(ROUNDS):
             bow, third = length * (1.0 - np.cos(heading)), heading - np.sin(heading)
@@ -111,6 +143,8 @@ class Strays:
             stray["drift"] = speed * (np.tan(askew) - askew + link["bend"] * stray["axle"] * np.tan(askew) + law.residual)
             source = speed * ((1.0 + law.own) * offset * link["by_offset"] + law.other) + stray["drift"]
             stray["axle"] = (before["axle"] + SPACING_M * source) / (1.0 + SPACING_M * speed * (1.0 + law.damping) * link["by_axle"])
+            beyond = self._beyond(i, unit, coupling, ahead.beyond, stray, float(before["beyond"]))
+            stray["axle"] = min(stray["axle"], error * gain["axle"] + beyond.axle)
             was = float(before["heading"])
             wide, pull = np.tan(min(omega + course + was, 1.5)), np.tan(min(omega + course - was, 1.5)) - np.tan(omega)
             askance = (wide + abs(np.tan(alpha))) * (link["bend"] * before["axle"] + 1.0 / np.cos(min(was, 1.4)) - 1.0)
@@ -118,22 +152,54 @@ class Strays:
             most_rate = per * (along_axle * (wide - np.tan(omega)) + askance + (1.0 + askance) * law.angle / along_axle)
             grown = was + SPACING_M * rate / (1.0 + SPACING_M * per * along_axle / np.cos(omega) ** 2)
             heading = min(grown, np.arcsin(min(offset * link["by_offset"] + stray["axle"] * link["by_axle"], 1.0)))
-        stray["heading"] = heading
-        return self._passed(i, unit, stray, course, law.angle), (heading, most_rate)
+            heading = min(heading, error * gain["heading"] + beyond.heading)
+        stray["heading"], stray["beyond"] = heading, beyond.axle
+        lead = Lead(coupling, aside, course, law.angle)
+        return self._passed(i, unit, stray, lead, beyond, error), Ahead(heading, most_rate, beyond)
 
-    def _passed(self, i: int, unit: int, stray: np.void, course: float, off: float) -> Errors:
+    def _beyond(self, i: int, unit: int, coupling: Errors, ahead: Beyond, stray: np.void, before: float) -> Beyond:
+        """Return what T1 to T4 make of what the first order leaves out."""
+        link, speed = self._link(i, unit), float(self._link(i, unit)["axle_speed"])
+        askew = link["by_offset"] * (coupling.beyond + stray["residual"] + abs(stray["bow"]))
+        followed = 1.0 + link["law_by_heading"]
+        source = abs(followed) * askew + abs(link["law_by_ahead"]) * ahead.axle + abs(link["law_by_turned"]) * ahead.heading
+        pull = followed * link["by_axle"] - link["law_by_axle"]
+        axle = (before + SPACING_M * (speed * source + stray["drift"])) / (1.0 + SPACING_M * speed * pull)
+        by_axle = abs(link["next_by_axle"] - link["next_by_heading"] * link["by_axle"])
+        return Beyond(axle, askew + link["by_axle"] * axle, by_axle * axle + abs(link["next_by_heading"]) * askew)
+
+    def _passed(self, i: int, unit: int, stray: np.void, lead: Lead, beyond: Beyond, error: float) -> Errors:
         if unit + 1 == len(self.units):
             return Errors(0.0, 0.0)
         link, own, heading = self._link(i, unit), self.units[unit], float(stray["heading"])
-        hitch, gamma = abs(float(own["hitch_offset"])), float(link["next_off"])
+        hitch, gamma, alpha = abs(float(own["hitch_offset"])), float(link["next_off"]), float(link["axle_off"])
         share, bow, omega = hitch / own["wheelbase"], hitch * (1.0 - np.cos(heading)), abs(link["coupling_off"])
-        offset = stray["axle"] * abs(link["next_by_axle"]) + heading * abs(link["next_by_heading"]) + bow * abs(np.sin(gamma))
-        along = stray["axle"] * abs(np.sin(gamma - link["axle_off"])) + hitch * heading * abs(np.sin(gamma)) + bow
+        third, sideways, across = hitch * (heading - np.sin(heading)), abs(np.sin(gamma)), abs(np.sin(gamma - alpha))
+        apart = stray["axle"] * abs(link["next_by_axle"]) + heading * abs(link["next_by_heading"])
+        straight = min(apart, error * self._gain(i, unit)["next"] + beyond.next + third)
+        together = (straight * sideways + stray["axle"] * abs(np.sin(alpha))) / np.cos(gamma)
+        along = min(stray["axle"] * across + hitch * heading * sideways, together) + bow
+        offset = straight + bow * sideways
         shift, bend = self._aside(i, unit + 1, offset, along, 0.0)
-        swing, turned = share * (np.tan(min(omega + course + heading, 1.5)) - np.tan(omega)), bend * shift
-        slope = np.tan(min(heading + off * (2.0 + share) + swing + turned, 1.5)) * (1.0 + bend * offset)
+        swing, turned = share * (np.tan(min(omega + lead.course + heading, 1.5)) - np.tan(omega)), bend * shift
+        slope, steeper = np.tan(min(heading + lead.off * (2.0 + share) + swing + turned, 1.5)) * (1.0 + bend * offset), np.inf
+        if lead.off == 0.0:
+            skew = lead.aside[1] * (beyond.axle * abs(np.sin(alpha)) / np.cos(omega) + lead.coupling.beyond * np.tan(omega))
+            by_course = share / np.cos(omega) ** 2
+            steeper = self._steep(lead, heading, share, omega, turned) * (1.0 + bend * offset)
+            steeper += beyond.heading - heading + bend * (beyond.axle * across + beyond.heading * hitch * sideways)
+            steeper += by_course * (lead.coupling.steeper + skew + beyond.heading - lead.coupling.slope - heading)
+            gain = max(self._gain(i, unit)["next_slope"], self._gain(i + 1, unit)["next_slope"])
+            slope = min(slope, error * gain + steeper)
         seen = shift * slope + 0.5 * turned * (shift + offset * turned)
-        return Errors(offset + seen, slope, seen + bow * abs(np.sin(gamma)) + hitch * (heading - np.sin(heading)), shift)
+        return Errors(offset + seen, slope, seen + bow * sideways + third, shift, beyond.next, steeper)
+
+    def _steep(self, lead: Lead, heading: float, share: float, omega: float, turned: float) -> float:
+        """Return the slope of the coupling behind with every part as it may be beyond the first order."""
+        slope, (shift, bend) = lead.coupling.slope, lead.aside
+        course = np.tan(min(slope / (1.0 - min(bend * lead.coupling.offset, 0.5)), 1.5)) + 2.0 * bend * shift
+        swing = share * (np.tan(min(omega + course + heading, 1.5)) - np.tan(omega))
+        return float(np.tan(min(heading + swing + ARCTAN * swing**2 + 2.0 * turned, 1.5)))
 
 
 class Body(NamedTuple):
