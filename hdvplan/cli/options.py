@@ -22,7 +22,7 @@ _LONGEST_NAME = 110  # bytes; a file's name has up to 255
 
 _ROAD = typer.Argument(
     metavar="ROAD",
-    help="A road file (CSV, GeoJSON, OpenDRIVE, or a format that GDAL reads), or a name from `hdvplan roads list`.",
+    help="A road file (CSV, GeoJSON, OpenDRIVE, Lanelet2, or a format that GDAL reads), or a name from `hdvplan roads list`.",
     autocompletion=completion.roads,
 )
 RoadArgument = Annotated[str, _ROAD]

@@ -20,6 +20,7 @@ from hdvplan.road.scenarios import NOTICE, SCENARIOS, shipped, shipped_roads
 from hdvplan.texts import did_you_mean, printable
 
 _USUAL = RoadOptions()
+_OF_VECTORS = ("crs", "feature", "layer", "roles", "unit")  # options that say how to read a vector file
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text
 
 
@@ -118,16 +119,11 @@ def _read(path: Path, options: RoadOptions) -> RawRoad:
 
 def _raw(path: Path, options: RoadOptions) -> RawRoad:
     """Return what the file says; its name says what kind it is, and where that says nothing, its text."""
+    raw = _of_lanes(path, options)
+    if raw is not None:
+        return raw
     choice = Choice(options.feature, options.layer, roles_of(options.roles))
     suffix, crs = path.suffix.lower(), options.crs
-    if suffix == ".xodr":
-        from hdvplan.road.load_opendrive import read_opendrive  # noqa: PLC0415 - few files need it
-
-        refuse_unheeded(f"{path.name}: an OpenDRIVE file", options, "crs", "feature", "layer", "roles", "unit", *OF_POINTS)
-        return read_opendrive(path, road_ids=options.road_ids, lane=options.lane)
-    if options.road_ids is not None or options.lane is not None:
-        msg = f"{path.name} has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"
-        raise RoadError(msg)
     if crs is not None:
         refuse_unheeded(f"{path.name}: a file in {crs}", options, "unit")
     text = text_of(path) if suffix in _TEXTS else None
@@ -147,6 +143,25 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
         raise RoadError(msg)
     refuse_unheeded(f"{path.name}: a CSV file", options, "layer", "roles")
     return read_csv(text, path.name, crs=crs, unit=options.unit)
+
+
+def _of_lanes(path: Path, options: RoadOptions) -> RawRoad | None:
+    """Return what a map of lanes says, along a route in it; None of any other file."""
+    if path.suffix.lower() == ".xodr":
+        from hdvplan.road.load_opendrive import read_opendrive  # noqa: PLC0415 - few files need it
+
+        refuse_unheeded(f"{path.name}: an OpenDRIVE file", options, *_OF_VECTORS, *OF_POINTS)
+        return read_opendrive(path, road_ids=options.road_ids, lane=options.lane)
+    if path.suffix.lower() == ".osm":
+        from hdvplan.road.load_lanelet2 import is_lanelet2, read_lanelet2  # noqa: PLC0415 - as above
+
+        if is_lanelet2(path):
+            refuse_unheeded(f"{path.name}: a Lanelet2 map", options, *_OF_VECTORS, "lane")
+            return read_lanelet2(path, road_ids=options.road_ids)
+    if options.road_ids is not None or options.lane is not None:
+        msg = f"{path.name} has no road ids and lanes to choose; OpenDRIVE files (.xodr) and Lanelet2 maps (.osm) have"
+        raise RoadError(msg)
+    return None
 
 
 def _road(line: Line) -> Road:

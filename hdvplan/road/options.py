@@ -29,8 +29,9 @@ class RoadOptions:
     """How to read a road file; each has a command-line option, but ``max_curvature``.
 
     ``max_curvature`` is the tightest reference curvature that the caller's vehicle can follow [1/m]. ``roles`` say what layers or
-    features beside the line are, such as ``hoarding=obstacle``. ``road_ids`` are the roads of an OpenDRIVE file to drive over, such as
-    ``3,12,-5`` or ``("3", "12", "-5")``. Without ``corners`` and ``corner_radius`` the file's properties decide.
+    features beside the line are, such as ``hoarding=obstacle``. ``road_ids`` are the roads of an OpenDRIVE file, or lanelets of a
+    Lanelet2 map, to drive over, such as ``3,12,-5`` or ``("3", "12", "-5")``. Without ``corners`` and ``corner_radius`` the
+    file's properties decide.
 
     Raises:
         OptionError: a value that no road can be read with.
@@ -67,7 +68,10 @@ class RoadOptions:
     ] = ()
     road_ids: Annotated[
         str | Sequence[str] | None,
-        Setting("Roads of an OpenDRIVE file, in driving order; -A drives a road from its end; gaps are filled.", "A,B,..."),
+        Setting(
+            "Roads of an OpenDRIVE file or lanelets of a Lanelet2 map, in driving order; -A drives one from its end; gaps are filled.",
+            "A,B,...",
+        ),
     ] = None
     lane: Annotated[
         int | None,

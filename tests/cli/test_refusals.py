@@ -64,7 +64,7 @@ REFUSED = [  # a command, and words of the error
     (f"{LEGS} --offset 1", "turn: a drive of several legs has no use for --offset"),
     (f"{LEGS} --reverse", "turn: a drive of several legs has no use for --reverse"),
     (f"{LEGS} --leg-line rear", "--leg-line must be lead-axle or last-axle, not 'rear'"),
-    (f"{LEGS} --road-ids 1,2", "turn.geojson has no road ids and lanes to choose; OpenDRIVE files (.xodr) have"),
+    (f"{LEGS} --road-ids 1,2", "turn.geojson has no road ids and lanes to choose; OpenDRIVE files (.xodr) and Lanelet2 maps (.osm) have"),
     (f"{LEGS} --half-width 1", "limits are 2.00 m apart; the citaro-k is 2.55 m wide"),
     ("need turn.geojson --vehicle bus", "turn holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans"),
     ("roads info turn.geojson", "turn holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans"),

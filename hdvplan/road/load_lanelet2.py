@@ -1,0 +1,124 @@
+"""Read a road from a Lanelet2 map: one lanelet after another along a route, with their bounds as edges. The only user of lanelet2."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import import_module
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from hdvplan.errors import RoadError
+from hdvplan.road.assemble import road_of
+from hdvplan.road.crs import LONLAT
+from hdvplan.road.features import Choice, Feature
+from hdvplan.road.line import RawRoad
+from hdvplan.road.options import Corners
+
+_MARK = re.compile(rb"""<tag\s+k=["']type["']\s+v=["']lanelet["']""")
+_NODE = re.compile(rb"""<node\s[^>]*>""")
+_PLACE = re.compile(rb"""\s(lat|lon)=["']([^"']*)""")
+_PARTS = ("core", "io", "projection", "routing", "traffic_rules")
+_RULES = ("de", "vehicle")  # of who may drive where: the library has no others
+_LISTED = 12
+
+
+def is_lanelet2(path: Path) -> bool:
+    """Tell whether a file in OpenStreetMap's form holds lanelets."""
+    return _MARK.search(path.read_bytes()) is not None
+
+
+def read_lanelet2(path: Path, *, road_ids: str | Sequence[str] | None) -> RawRoad:
+    """Return the lanelets along a route in a Lanelet2 map: their centreline, and their bounds as edges.
+
+    ``road_ids`` are the lanelets to drive over, one by one or separated by commas; a minus sign drives one against its direction, where
+    the map allows it. Between lanelets that do not meet, the shortest way without a change of lane is taken.
+
+    Raises:
+        RoadError: lanelet2 is not installed, or the map cannot be used, or has no such lanelets or way.
+
+    """
+    name, library = path.name, _library()
+    projector = library.projection.LocalCartesianProjector(library.io.Origin(*_first_place(path)))
+    try:
+        lanelets, _ = library.io.loadRobust(str(path), projector)
+    except (RuntimeError, ValueError) as error:
+        msg = f"{name} is no Lanelet2 map that can be read: {error}"
+        raise RoadError(msg) from error
+    route = _route(library, lanelets, road_ids, name)
+    whole = library.core.LaneletSequence(route)
+    features = [
+        Feature({"type": "LineString", "coordinates": _lonlat(projector, line)}, properties, (label,), system=LONLAT)
+        for label, line, properties in (
+            ("centreline", whole.centerline, {"corners": Corners.ROUND}),
+            ("left", whole.leftBound, {}),
+            ("right", whole.rightBound, {}),
+        )
+    ]
+    driven = ", ".join(_id(lanelet) for lanelet in route)
+    raw = road_of(features, name, Choice(feature="centreline"))
+    return replace(raw, notes=(*raw.notes, f"{name}: over lanelets {driven}"))
+
+
+def _library() -> SimpleNamespace:
+    """Load lanelet2, which only such maps need: it has no types."""
+    try:
+        return SimpleNamespace(**{part: import_module(f"lanelet2.{part}") for part in _PARTS})
+    except ImportError as error:
+        msg = f"Lanelet2 maps are read by lanelet2, which cannot be loaded: {error}"
+        raise RoadError(msg, hint="pip install 'hdvplan[lanelet2]'") from error
+
+
+def _first_place(path: Path) -> tuple[float, float]:
+    """Return latitude and longitude of a map's first node [deg], the origin of a plane around it."""
+    node = _NODE.search(path.read_bytes())
+    found = {} if node is None else {key.decode(): value for key, value in _PLACE.findall(node[0])}
+    try:
+        return float(found["lat"]), float(found["lon"])
+    except (KeyError, ValueError) as error:
+        msg = f"{path.name}: the map's first node has no latitude and longitude"
+        raise RoadError(msg) from error
+
+
+def _id(lanelet: Any) -> str:  # noqa: ANN401 - an object of lanelet2, as below
+    return f"{'-' if lanelet.inverted() else ''}{lanelet.id}"
+
+
+def _lonlat(projector: Any, line: Any) -> list[list[float]]:  # noqa: ANN401
+    """Return a line's points as GeoJSON has them, longitude and latitude [deg]; a point that is there twice once."""
+    points = [(place.lon, place.lat) for place in (projector.reverse(point.basicPoint()) for point in line)]
+    return [list(point) for before, point in zip([None, *points], points, strict=False) if point != before]
+
+
+def _route(library: SimpleNamespace, lanelets: Any, road_ids: str | Sequence[str] | None, name: str) -> list[Any]:  # noqa: ANN401
+    """Return the lanelets of the shortest way over those that are wanted, one after the other."""
+    rules = library.traffic_rules.create(*_RULES)
+    driven = {_id(way): way for one in lanelets.laneletLayer for way in (one, one.invert()) if rules.canPass(way)}
+    stops, graph = _stops(driven, road_ids, name), library.routing.RoutingGraph(lanelets, rules)
+    routes = [(0.0, [way]) for way in stops[0]]
+    for before, after in pairwise(stops):
+        ways = [(length, route, graph.getRoute(route[-1], end, 0, False)) for length, route in routes for end in after]  # no change of lane
+        routes = [(length + way.length2d(), [*route, *list(way.shortestPath())[1:]]) for length, route, way in ways if way is not None]
+        if not routes:
+            msg = f"{name}: no way leads from lanelet {_id(before[0])} to {_id(after[0])}"
+            raise RoadError(msg, hint="lanes are not changed on the way; a minus sign drives a lanelet against its direction")
+    return min(routes, key=lambda one: one[0])[1]
+
+
+def _stops(lanelets: dict[str, Any], road_ids: str | Sequence[str] | None, name: str) -> list[list[Any]]:
+    """Return those of the lanelets that are wanted, by what they are called; without a minus sign in either direction."""
+    there = sorted({one.removeprefix("-") for one in lanelets}, key=int)
+    listed = ", ".join(there[:_LISTED]) + (", ..." if len(there) > _LISTED else "")
+    if road_ids is None and len(there) != 1:
+        msg = f"{name}: {len(there)} lanelets that vehicles drive, and none is chosen: {listed}"
+        raise RoadError(msg, hint="choose where to drive, such as --road-ids FROM,TO")
+    wanted = there if road_ids is None else road_ids.split(",") if isinstance(road_ids, str) else road_ids
+    found = [[lanelets[way] for way in (one.strip(), f"-{one.strip()}") if way in lanelets] for one in wanted]
+    unknown = next((one.strip() for one, ways in zip(wanted, found, strict=True) if not ways), None)
+    if unknown is not None:
+        msg = f"{name}: vehicles drive no lanelet {unknown!r}; there are {listed}"
+        raise RoadError(msg)
+    return found
