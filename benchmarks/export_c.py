@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import cast
 
@@ -125,10 +126,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/export-c"))
     parser.add_argument("--roads", default=",".join(suite_roads()))
     parser.add_argument("--vehicles", default=",".join(VEHICLES))
+    parser.add_argument("--jobs", type=int, default=1, help="cases at a time: there is nothing that is timed")
     given = parser.parse_args()
     use_one_thread()
     found = list(cases(tuple(given.roads.split(",")), tuple(given.vehicles.split(","))))
-    plans = pd.DataFrame([row_of(limits, case) for limits, case in found])
+    with ProcessPoolExecutor(given.jobs) as pool:
+        plans = pd.DataFrame(pool.map(row_of, *zip(*found, strict=True)))
     with tempfile.TemporaryDirectory() as folder:
         rows = []
         for vehicle in given.vehicles.split(","):
