@@ -6,6 +6,7 @@ Writes plans.csv (a row a road, vehicle and class of limits), budget.csv, sizes.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -13,6 +14,8 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import cast
+
+os.environ.setdefault("HDVPLAN_CORE", "baseline")  # before the core is loaded: the same instructions as what is compiled here
 
 import numpy as np
 import pandas as pd

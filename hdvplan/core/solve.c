@@ -43,16 +43,17 @@ hdv_solver_in(void *memory, const struct hdv_shape *shape, double tolerance, int
 
 /* Return whether stage i breaks an inequality. */
 HDV_INLINE int
-breaks(const struct hdv_program *program, struct stage stage, double *x, double *u, int64_t n, int64_t i) {
-    int64_t p = program->shape.rows;
-    struct range bounds = bounds_at(&program->shape, i);
+breaks(const struct hdv_program *program, struct stage stage, double *x, double *u, int64_t n, int64_t m, int64_t i) {
+    int64_t p = program->shape.rows, b = program->shape.bounded;
     int any = 0;
     for (int64_t row = 0; row < p && i > 0 && *stage.live > 0.0; ++row)
         any |= breach(row_at(program, n, i, row), x, n) > 0.0;
-    for (int64_t number = bounds.begin; number < bounds.end; ++number) {
-        double v = *bounded_of(program, x, u, number);
+    for (int64_t number = 0; number < b && i > 0; ++number) {
+        double v = x[program->bounded[number]];
         any |= v > stage.high[number] || v < stage.low[number];
     }
+    for (int64_t j = 0; j < m && i < program->shape.stages; ++j)
+        any |= u[j] > stage.high[b + j] || u[j] < stage.low[b + j];
     return any;
 }
 
@@ -83,7 +84,7 @@ HDV_INLINE int roll_out(
         struct recursion own = recursion_at(solver->work, n, m, i);
         struct point point = point_at(program, to, n, m, i);
         roll(stage, own, x, u, ahead, n, m, 1);
-        any |= breaks(program, stage, x, u, n, i);
+        any |= breaks(program, stage, x, u, n, m, i);
         multiply_out(own, x, point.dynamics, n);
         for (int64_t j = 0; j < m; ++j)
             point.u[j] = u[j];

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import platform
 import shutil
 import subprocess
 import sys
@@ -50,6 +51,14 @@ def tight(compiled: type[ExportedPlanner], tmp_path_factory: pytest.TempPathFact
 def ran(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """Return what a command has printed."""
     return subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True)  # noqa: S603 - fixed
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="instructions of x86-64")
+def test_it_compiles_without_a_warning_for_a_processor_of_one_s_own(tmp_path: Path) -> None:
+    ran(tmp_path, sys.executable, "-m", "hdvplan", "export-c", "--vehicle", "semitrailer-active", "--half-width", "3.2", "--out", "planner")
+    fast = "-O3 -march=x86-64-v3 -ffp-contract=fast -fno-math-errno -fno-trapping-math"
+    ran(tmp_path / "planner", "make", "freestanding", f"CFLAGS=-std=c99 -Wall -Wextra -Werror -pedantic {fast}")
 
 
 @pytest.mark.slow
