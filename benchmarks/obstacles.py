@@ -66,7 +66,7 @@ def with_vans(road: Road, half_width: float, apart: float) -> tuple[Road, int]:
     s = np.concatenate([[0.0], corners, [length]])
     edge = np.concatenate([[-half_width], np.tile([-half_width, VAN_EDGE_M, VAN_EDGE_M, -half_width], len(vans)), [-half_width]])
     left = np.full(len(s), half_width)
-    return replace(road, limits=Limits(s, left, edge, left, edge)), len(vans)
+    return road.within(Limits(s, left, edge, left, edge)), len(vans)
 
 
 def compared(free: Case, parked: Case, rounds: int) -> dict[str, object]:
