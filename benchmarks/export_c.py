@@ -1,6 +1,9 @@
 """The exported planner against hdvplan's own: the same plans, what they take, what a budget costs, sizes and times.
 
-Writes plans.csv (a row a road, vehicle and class of limits), budget.csv, sizes.csv, export-c.md and run.json. Needs a C compiler, cc.
+Writes plans.csv (a row a road, vehicle and class of limits), sizes.csv, export-c.md and run.json. Needs a C compiler, cc.
+
+hdvplan's core is the one without fused operations; beside the other: HDVPLAN_CORE=avx2 python benchmarks/export_c.py --jobs 2 --out
+results/export-c/fused
 """
 
 from __future__ import annotations

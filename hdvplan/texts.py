@@ -15,6 +15,12 @@ def printable(text: str) -> str:
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode("ascii") for sign in " ".join(text.split()))
 
 
+def some_of(names: Iterable[str], most: int) -> str:
+    """Return so many names at most, with a sign that there are more."""
+    listed = list(names)
+    return ", ".join(listed[:most]) + (", ..." if len(listed) > most else "")
+
+
 def no_formula(cell: str) -> str:
     """Return a word for a table that spreadsheets open: what would begin a formula begins with an apostrophe."""
     return f"'{cell}" if cell.startswith(_FORMULA) and not _is_number(cell) else cell

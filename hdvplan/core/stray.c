@@ -28,11 +28,6 @@ struct beyond {
     double next;          /* of its coupling behind, without what T3 leaves out [m] */
 };
 
-static const struct hdv_gain *gain_at(const struct hdv_tracked *on, int64_t interval, int64_t unit) {
-    int64_t at = interval < 0 ? 0 : interval < on->intervals ? interval : on->intervals - 1;
-    return &on->gains[at * on->count + unit];
-}
-
 /* Where a coupling is along its planned track, seen from its unit's axle. */
 struct aside {
     double shift; /* [m] */

@@ -97,10 +97,18 @@ struct hdv_posed {
     int64_t count;
 };
 
-/* A unit's link in an interval; before the first and beyond the last one these hold. */
-HDV_INLINE const struct hdv_link *link_at(const struct hdv_tracked *on, int64_t interval, int64_t unit) {
+/* Where a unit is in (intervals, count); before the first interval and beyond the last one these hold. */
+HDV_INLINE int64_t place_of(const struct hdv_tracked *on, int64_t interval, int64_t unit) {
     int64_t at = interval < 0 ? 0 : interval < on->intervals ? interval : on->intervals - 1;
-    return &on->links[at * on->count + unit];
+    return at * on->count + unit;
+}
+
+HDV_INLINE const struct hdv_link *link_at(const struct hdv_tracked *on, int64_t interval, int64_t unit) {
+    return &on->links[place_of(on, interval, unit)];
+}
+
+HDV_INLINE const struct hdv_gain *gain_at(const struct hdv_tracked *on, int64_t interval, int64_t unit) {
+    return &on->gains[place_of(on, interval, unit)];
 }
 
 #endif

@@ -13,6 +13,7 @@ from itertools import groupby
 
 from hdvplan.network.chain import Pass, Run, Step, runs_of
 from hdvplan.network.osm import Member, Place, Places, Way, distance, length_of, turn
+from hdvplan.texts import some_of
 
 _TURN_BACK_DEG = 150.0  # a sharper turn at one node is no bend of a road: the vehicle would have to turn on the spot
 _ROLES = {"forward": 1, "backward": -1}
@@ -126,7 +127,7 @@ def _passed_over(steps: Sequence[Step | None], runs: Sequence[Run], places: Plac
     for over, group in groupby(enumerate(steps), key=lambda one: one[0] not in driven and one[1] is not None):
         row = [step.way for _, step in group if step is not None]
         if over:
-            listed = ", ".join(str(way.id) for way in row[:_NAMED]) + (", ..." if len(row) > _NAMED else "")
+            listed = some_of((str(way.id) for way in row), _NAMED)
             yield Finding(Trouble.OTHER, f"left out as part of the other direction: {_ways(len(row))} {listed}", places[row[0].nodes[0]])
 
 

@@ -11,6 +11,7 @@ from hdvplan.judging.fit import Fit, RoadFacts, facts_of
 from hdvplan.report.grid import grid
 from hdvplan.road.options import Corners
 from hdvplan.road.road import Road, Smoothing
+from hdvplan.texts import some_of
 
 Json = dict[str, Any]
 
@@ -89,7 +90,7 @@ def _line_rows(road: Road) -> list[tuple[str, str, str, str]]:
     rows = []
     if road.about is not None and road.about.reading and road.limits is not None:
         corners = road.about.corners
-        listed = ", ".join(f"{corner.s:.0f}" for corner in corners[:_MOST_CORNERS]) + (", ..." if len(corners) > _MOST_CORNERS else "")
+        listed = some_of((f"{corner.s:.0f}" for corner in corners), _MOST_CORNERS)
         rest = "the rest as a curve" if corners else "points as a curve"
         rest = "points joined by chords" if road.about.reading == Corners.SHARP else rest
         where = f"s = {listed} m, " if corners else ""

@@ -20,7 +20,7 @@ from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import Corners
 from hdvplan.road.regions import Region
 from hdvplan.settings import any_of
-from hdvplan.texts import printable
+from hdvplan.texts import printable, some_of
 
 _SNAP_M = 0.01
 _LISTED = 20  # lines that a question names
@@ -156,12 +156,12 @@ def _unread_note(features: list[Feature], own: set[str], name: str, choice: Choi
 def _listed(lines: list[_Line]) -> str:
     """Return the names of lines, with their layers where there are several."""
     several = len({line.feature.layer for line in lines}) > 1
-    names = [
+    names = (
         (repr(line.feature.labels[0][:_LONGEST]) if line.feature.labels else "(unnamed)")
         + (f" in {line.feature.layer!r}" if several else "")
-        for line in lines[:_LISTED]
-    ]
-    return ", ".join(names) + (", ..." if len(lines) > _LISTED else "")
+        for line in lines
+    )
+    return some_of(names, _LISTED)
 
 
 def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray:

@@ -14,6 +14,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
 from hdvplan.settings import any_of
+from hdvplan.texts import some_of
 
 _LARGEST_MB = 64
 _PACKED = {".kmz", ".xlsx", ".ods"}  # packed by nature
@@ -84,7 +85,7 @@ def _refuse_archive(path: Path, wanted: str) -> None:
         msg = f"{path.name} is encrypted"
         raise RoadError(msg, hint="save it without a password")
     if path.suffix.lower() not in _PACKED:
-        names = ", ".join(member.filename for member in members[:5]) + (", ..." if len(members) > 5 else "")  # noqa: PLR2004
+        names = some_of((member.filename for member in members), 5)
         msg = f"{path.name} is a zip archive, not a {wanted}"
         raise RoadError(msg, hint=f"unpack it, and give the file in it: {names}" if names else "it is empty")
     unpacked = sum(member.file_size for member in members)

@@ -16,7 +16,8 @@ from hdvplan.road.assemble import road_of
 from hdvplan.road.crs import LONLAT
 from hdvplan.road.features import Choice, Feature
 from hdvplan.road.line import RawRoad
-from hdvplan.road.options import Corners
+from hdvplan.road.options import Corners, ids_of
+from hdvplan.texts import some_of
 
 _MARK = re.compile(rb"""<tag\s+k=["']type["']\s+v=["']lanelet["']""")
 _NODE = re.compile(rb"""<node\s[^>]*>""")
@@ -111,13 +112,13 @@ def _route(library: SimpleNamespace, lanelets: Any, road_ids: str | Sequence[str
 def _stops(lanelets: dict[str, Any], road_ids: str | Sequence[str] | None, name: str) -> list[list[Any]]:
     """Return those of the lanelets that are wanted, by what they are called; without a minus sign in either direction."""
     there = sorted({one.removeprefix("-") for one in lanelets}, key=int)
-    listed = ", ".join(there[:_LISTED]) + (", ..." if len(there) > _LISTED else "")
+    listed = some_of(there, _LISTED)
     if road_ids is None and len(there) != 1:
         msg = f"{name}: {len(there)} lanelets that vehicles drive, and none is chosen: {listed}"
         raise RoadError(msg, hint="choose where to drive, such as --road-ids FROM,TO")
-    wanted = there if road_ids is None else road_ids.split(",") if isinstance(road_ids, str) else road_ids
-    found = [[lanelets[way] for way in (one.strip(), f"-{one.strip()}") if way in lanelets] for one in wanted]
-    unknown = next((one.strip() for one, ways in zip(wanted, found, strict=True) if not ways), None)
+    wanted = there if road_ids is None else ids_of(road_ids)
+    found = [[lanelets[way] for way in (one, f"-{one}") if way in lanelets] for one in wanted]
+    unknown = next((one for one, ways in zip(wanted, found, strict=True) if not ways), None)
     if unknown is not None:
         msg = f"{name}: vehicles drive no lanelet {unknown!r}; there are {listed}"
         raise RoadError(msg)

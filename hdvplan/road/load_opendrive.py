@@ -16,6 +16,8 @@ from hdvplan.road.arcs import rounded, wrapped
 from hdvplan.road.crs import placed
 from hdvplan.road.line import RawRoad
 from hdvplan.road.opendrive import DRIVEN, LONGEST_M, SAME_M, OdrRoad, Section, read_roads
+from hdvplan.road.options import ids_of
+from hdvplan.texts import some_of
 
 _SPACING_M = 0.25  # of the points on lanes and edges
 _MEET_M = 0.3  # lanes whose ends are this close, and
@@ -123,21 +125,17 @@ def _stops(roads: dict[str, OdrRoad], road_ids: str | Sequence[str] | None, name
     if road_ids is None:
         if len(roads) == 1:
             return [_Stop(next(iter(roads)), None)]
-        msg = f"{name}: {len(roads)} roads, and none is chosen: {_listed(roads)}"
+        msg = f"{name}: {len(roads)} roads, and none is chosen: {some_of(roads, _LISTED)}"
         raise RoadError(msg, hint="choose where to drive, such as --road-ids FROM,TO")
     stops = []
-    for text in (part.strip() for part in (road_ids.split(",") if isinstance(road_ids, str) else road_ids)):
+    for text in ids_of(road_ids):
         forward = False if text.startswith("-") and text not in roads else None
         number = text if text in roads else text.removeprefix("-")
         if number not in roads:
-            msg = f"{name}: no road has the id {number!r}; there are {_listed(roads)}"
+            msg = f"{name}: no road has the id {number!r}; there are {some_of(roads, _LISTED)}"
             raise RoadError(msg)
         stops.append(_Stop(number, forward))
     return stops
-
-
-def _listed(roads: dict[str, OdrRoad]) -> str:
-    return ", ".join(list(roads)[:_LISTED]) + (", ..." if len(roads) > _LISTED else "")
 
 
 def _outermost(section: Section) -> tuple[int, int]:

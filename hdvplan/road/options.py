@@ -103,6 +103,11 @@ class RoadOptions:
         return replace(self, max_curvature=REFERENCE_SLACK * max_curvature)
 
 
+def ids_of(road_ids: str | Sequence[str]) -> list[str]:
+    """Return ids of roads one by one."""
+    return [one.strip() for one in (road_ids.split(",") if isinstance(road_ids, str) else road_ids)]
+
+
 # Those that name something in a file or say how it is written, by what users call them.
 OF_FILES = ("feature", "roles", "crs", "layer", "road_ids", "lane", "unit", *OF_POINTS)
 OPTIONS = {name: fields_of(RoadOptions)[name].options[0] for name in OF_FILES}

@@ -61,8 +61,6 @@ class Reader:
         """Write, run or compare a block; AssertionError says what did not happen as the document has it."""
         if block.file is not None:
             Path(block.file).write_text(block.body, encoding="utf-8")
-        if block.file is not None and block.language != "python":
-            return
         if "output" in block.words:
             printed = [_plain(line) for line in self._printed.splitlines()]
             for line in filter(None, map(_plain, block.body.splitlines())):

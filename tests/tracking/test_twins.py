@@ -33,7 +33,7 @@ def test_units_stray_no_further_than_in_python(name: str, followed: bool) -> Non
     if followed:
         made.follow(np.array([45.0]))  # all from there to 60 m before it
     expected = twin.Strays(units, links, made.gains).of(error, error / LENGTH_M)
-    assert np.ptp(expected["axle"][:, -1]) > 0.05 * error  # the bend counts
+    assert np.ptp(expected["axle"][:, -1]) > (0.05 if followed else 0.1) * error  # the bend counts
     for field in made.strays.dtype.names or ():
         np.testing.assert_allclose(made.strays[field], expected[field], rtol=0.0, atol=SAME, err_msg=field)
 
