@@ -10,7 +10,7 @@ import typer
 
 from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, smoothed, vehicle_named, warn_no_side
 from hdvplan.cli.completion import one_of
-from hdvplan.cli.console import progress
+from hdvplan.cli.console import progress, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.legs import LAST, LEAD, finish, legs_in
 from hdvplan.cli.lengthy import plan_long
@@ -46,6 +46,7 @@ class _Asked:
     output: Output
     largest: bool  # whether as much clearance is wanted as can be kept
     leg_line: str | None  # whose line a backward leg is
+    centreline: Path | None  # where to write a map with the planned line
 
     @property
     def solver(self) -> str:
@@ -92,6 +93,14 @@ def plan(
     settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, PLANNING, only=_OTHERS)],
     options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, {"side": VEHICLE, "beside": VEHICLE})],
     output: Annotated[Output, OptionsOf(Output, OUTPUT)],
+    centreline: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MAP.osm",
+            help="Of a Lanelet2 map: write it with the line that the lead rear axle drives as its lanelets' centreline.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
 ) -> int:
     """Plan a vehicle along a road and write what it sweeps.
 
@@ -108,7 +117,7 @@ def plan(
     settings = settings if largest else replace(settings, clearance=_metres(clearance))
     if leg_line is not None:
         choice("--leg-line", leg_line, (LEAD, LAST))
-    asked = _Asked(road, room.reaches(), reading, settings, options, output, largest, leg_line)
+    asked = _Asked(road, room.reaches(), reading, settings, options, output, largest, leg_line, centreline)
     output.drawn_on()  # a sheet that cannot be is told before anything is read
     check_folder(output.out)
     from hdvplan.planning.objective_names import check_objective
@@ -117,6 +126,8 @@ def plan(
     check_solver(asked.solver)
     check_objective(options.objective)
     names = [vehicle] if Path(vehicle).is_file() else [name.strip() for name in vehicle.split(",")]
+    if centreline is not None:
+        _check_centreline(road, names)
     driven = [vehicle_named(name, quiet=output.quiet) for name in names]
     return _plan_one(asked, driven[0]) if len(driven) == 1 else _plan_all(asked, driven)
 
@@ -139,6 +150,8 @@ def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
     result = _planned(asked, found, vehicle)
     directory = output.out or Path(f"{file_name(result.case.road.name)}.{file_name(vehicle.name)}")
     _write(asked, result, directory)
+    if asked.centreline is not None:
+        _write_centreline(asked, result, asked.centreline)
     verdict = tell(result, directory, as_json=output.json, quiet=output.quiet)
     return exit_code_of(result, verdict)
 
@@ -170,6 +183,30 @@ def _kinds(output: Output) -> list[str]:
 def _write(asked: _Asked, result: Result, directory: Path) -> None:
     output = asked.output
     write(result, directory, _kinds(output), output.drawn_on(), animate=output.animate, quiet=output.quiet)
+
+
+def _check_centreline(road: str, vehicles: list[str]) -> None:
+    """Refuse a road that is no Lanelet2 map, and several vehicles, whose lines differ."""
+    from hdvplan.road.load_lanelet2 import is_lanelet2
+
+    if len(vehicles) > 1 or not (Path(road).is_file() and is_lanelet2(Path(road))):
+        msg = f"--centreline is the line of one vehicle in a Lanelet2 map, not of {', '.join(vehicles)} on {road}"
+        raise OptionError(msg, hint="leave --centreline out: path.csv and swept.geojson have the line of any road")
+
+
+def _write_centreline(asked: _Asked, result: Result, target: Path) -> None:
+    """Write the map that the road was read from, with the driven line."""
+    import numpy as np
+    import shapely
+
+    from hdvplan.fileio import write_atomically
+    from hdvplan.report.layers import map_system
+    from hdvplan.road.load_lanelet2 import with_centreline
+
+    drive = result.drive
+    line = shapely.LineString(np.column_stack(drive.stations.path.to_plane(drive.stations.s[: len(drive.z)], drive.z[:, 0])))
+    with writing(f"to {target}"):
+        write_atomically(target, with_centreline(Path(asked.road), asked.reading.road_ids, map_system(drive.road).place(line)))
 
 
 def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int:

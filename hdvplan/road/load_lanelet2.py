@@ -1,4 +1,4 @@
-"""Read a road from a Lanelet2 map: one lanelet after another along a route, with their bounds as edges. The only user of lanelet2."""
+"""Read a road from a Lanelet2 map, one lanelet after another, and write a driven line into it. The only user of lanelet2."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ from dataclasses import replace
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any
+
+import shapely
+from shapely.ops import nearest_points, substring
 
 from hdvplan.errors import RoadError
 from hdvplan.road.assemble import road_of
@@ -42,14 +46,8 @@ def read_lanelet2(path: Path, *, road_ids: str | Sequence[str] | None) -> RawRoa
         RoadError: lanelet2 is not installed, or the map cannot be used, or has no such lanelets or way.
 
     """
-    name, library = path.name, _library()
-    projector = library.projection.LocalCartesianProjector(library.io.Origin(*_first_place(path)))
-    try:
-        lanelets, _ = library.io.loadRobust(str(path), projector)
-    except (RuntimeError, ValueError) as error:
-        msg = f"{name} is no Lanelet2 map that can be read: {error}"
-        raise RoadError(msg) from error
-    route = _route(library, lanelets, road_ids, name)
+    library, projector, _, route = _routed(path, road_ids)
+    name = path.name
     whole = library.core.LaneletSequence(route)
     features = [
         Feature({"type": "LineString", "coordinates": _lonlat(projector, line)}, properties, (label,), system=LONLAT)
@@ -62,6 +60,48 @@ def read_lanelet2(path: Path, *, road_ids: str | Sequence[str] | None) -> RawRoa
     driven = ", ".join(_id(lanelet) for lanelet in route)
     raw = road_of(features, name, Choice(feature="centreline"))
     return replace(raw, notes=(*raw.notes, f"{name}: over lanelets {driven}"))
+
+
+def with_centreline(path: Path, road_ids: str | Sequence[str] | None, line: shapely.Geometry) -> bytes:
+    """Return a Lanelet2 map in which the driven line is the centreline of the lanelets along a route, at the heights of the middle.
+
+    ``line`` is a LineString in the order of driving, of longitudes and latitudes [deg]; ``road_ids`` as for ``read_lanelet2``.
+
+    Raises:
+        RoadError: as of ``read_lanelet2``.
+        OSError: there is no room for temporary files.
+
+    """
+    library, projector, lanelets, route = _routed(path, road_ids)
+    places = [projector.forward(library.core.GPSPoint(lat, lon, 0.0)) for lon, lat in shapely.get_coordinates(line)]
+    driven = shapely.LineString([(place.x, place.y) for place in places])
+    begins = [shapely.LineString([(bound[0].x, bound[0].y) for bound in (lanelet.leftBound, lanelet.rightBound)]) for lanelet in route[1:]]
+    cuts = [0.0, *(driven.project(nearest_points(driven, begin)[0]) for begin in begins), driven.length]
+    joint: list[Any] = []  # the point that a lanelet's centreline shares with the one before it
+    for lanelet, (begin, end) in zip(route, pairwise(cuts), strict=True):
+        middle = shapely.LineString([(point.x, point.y, point.z) for point in lanelet.centerline])
+        heights = [(x, y, middle.interpolate(middle.project(shapely.Point(x, y))).z) for x, y in substring(driven, begin, end).coords]
+        points = [*joint, *(library.core.Point3d(library.core.getId(), *place) for place in heights[len(joint) :])]
+        centreline = library.core.LineString3d(library.core.getId(), points[::-1] if lanelet.inverted() else points)
+        lanelets.add(centreline)
+        lanelets.laneletLayer[lanelet.id].centerline = centreline
+        joint = points[-1:]
+    with TemporaryDirectory() as folder:
+        written = Path(folder) / "map.osm"
+        library.io.write(str(written), lanelets, projector)
+        return written.read_bytes()
+
+
+def _routed(path: Path, road_ids: str | Sequence[str] | None) -> tuple[SimpleNamespace, Any, Any, list[Any]]:
+    """Return the library, the projection of a map to a plane, its lanelets, and those along a route."""
+    library = _library()
+    projector = library.projection.LocalCartesianProjector(library.io.Origin(*_first_place(path)))
+    try:
+        lanelets, _ = library.io.loadRobust(str(path), projector)
+    except (RuntimeError, ValueError) as error:
+        msg = f"{path.name} is no Lanelet2 map that can be read: {error}"
+        raise RoadError(msg) from error
+    return library, projector, lanelets, _route(library, lanelets, road_ids, path.name)
 
 
 def _library() -> SimpleNamespace:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 import hdvplan
 from hdvplan.errors import RoadError
 from hdvplan.road.load import load_road
-from hdvplan.road.load_lanelet2 import read_lanelet2
+from hdvplan.road.load_lanelet2 import read_lanelet2, with_centreline
 from hdvplan.road.options import RoadOptions
 
 core, io, projection = (pytest.importorskip(f"lanelet2.{part}") for part in ("core", "io", "projection"))
@@ -79,6 +81,29 @@ def test_a_car_is_planned_along_lanelets(written: Path) -> None:
 def test_a_lanelet_is_driven_against_its_direction_where_the_map_allows_it(written: Path) -> None:
     there, back = (read_lanelet2(written, road_ids=road_ids) for road_ids in ("4", "-4"))
     np.testing.assert_allclose(back.points[0] - back.points[-1], there.points[-1] - there.points[0], atol=1e-6)
+
+
+@pytest.mark.parametrize(("road_ids", "driven"), [("1,3", [1, 2, 3]), ("-4", [-4])])
+def test_a_driven_line_is_the_centreline_of_the_lanelets_that_it_crosses(written: Path, road_ids: str, driven: list[int]) -> None:
+    """Each lanelet has its part, in its own direction; the parts meet, and no point of the line is lost."""
+    raw = read_lanelet2(written, road_ids=road_ids)
+    assert raw.to_lonlat is not None
+    lon, lat = raw.to_lonlat(*raw.points.T)
+    lat += 3e-6 * np.linspace(0.0, 1.0, len(lat))  # up to 0.3 m aside
+    path = written.with_name("centred.osm")
+    line = np.column_stack((lon, lat))
+    path.write_bytes(with_centreline(written, road_ids, shapely.LineString(line)))
+    projector = projection.LocalCartesianProjector(io.Origin(*ORIGIN))
+    lanelets, errors = io.loadRobust(str(path), projector)
+    assert not list(errors)
+    ways = [lanelets.laneletLayer[abs(number)] for number in driven]
+    lines = [list((way if number > 0 else way.invert()).centerline) for way, number in zip(ways, driven, strict=True)]
+    assert all(before[-1].id == after[0].id for before, after in pairwise(lines))
+    points = [projector.reverse(point.basicPoint()) for line in lines for point in line]
+    found = np.array([(point.lon, point.lat) for point in points])
+    np.testing.assert_allclose(found[[0, -1]], line[[0, -1]], atol=1e-8)  # 1 mm, to which maps are written
+    assert all(np.min(np.hypot(*(found - place).T)) < 1e-8 for place in line)
+    assert lanelets.laneletLayer[5].centerline.id == 0  # none is in the map, as before
 
 
 @pytest.mark.parametrize(
