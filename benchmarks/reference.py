@@ -54,6 +54,7 @@ _RUN: Mapping[str, Callable[[Told], Quantities]] = {
     "roads": reference_roads.loaded,
     "turning": reference_roads.turned,
     "bench": reference_bench.decided,
+    "suites": reference_bench.limited,
 }
 _HEAD = "# What the program does, area by area: benchmarks/reference.py --renew raises a number when the behaviour reference moved there.\n"
 

@@ -9,9 +9,12 @@ from reference_scenes import Quantities, Told
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.counters import COUNTS, LENGTHS, WORK, Tolerance, changes_of
 from hdvplan.bench.comparing.decision import Pairs, Rule, agreement, decide
+from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.measuring.ranking import load_of, of_group, ranked_times, ranking
 from hdvplan.bench.measuring.referee import accepted
-from hdvplan.bench.suite import KEY
+from hdvplan.bench.suite import CLASSES, KEY, Suite
+from hdvplan.road.load import load_road
+from hdvplan.vehicle.load import load_vehicle
 
 _STEPS = 40
 _CELL = {"road": "road", "vehicle": "bus", "scheme": "rti", "limits": "as set"}
@@ -22,6 +25,19 @@ def decided(told: Told) -> Quantities:
     return {"gate": _gate, "joint": _joint, "acceptance": _acceptance, "ranking": _ranking, "load": _load, "counters": _counters}[
         told["decides"]
     ](told)
+
+
+def limited(told: Told) -> Quantities:
+    """Return the least and the most room between a smoothed ``road`` and the limits of every class of a suite for a ``vehicle`` [m]."""
+    road, vehicle = load_road(told["road"]), load_vehicle(told["vehicle"])
+    found: Quantities = {}
+    for name in CLASSES:
+        limits = with_limits(road, vehicle, Suite(), name).passable
+        if limits is not None:
+            left, right = limits.table(np.linspace(0.0, road.path.length, 200))[:2]
+            for side, room in (("left", left), ("right", -right)):
+                found |= {f"least {side} {name}": float(room.min()), f"most {side} {name}": float(room.max())}
+    return found
 
 
 def _gate(told: Told) -> Quantities:

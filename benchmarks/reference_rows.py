@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-AREAS = ("planning", "judging", "tracking", "regions", "passing", "need", "proof", "roads", "turning", "bench")
+AREAS = ("planning", "judging", "tracking", "regions", "passing", "need", "proof", "roads", "turning", "bench", "suites")
 COLUMNS = ["case", "area", "quantity", "value", "tolerance"]
 Key = tuple[str, str, str]
 

@@ -1,15 +1,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
+from hdvplan.api import drive_case
 from hdvplan.bench.measuring.courses import PINCH_LENGTH_M, PINCH_RAMP_M, cases_of, with_limits
 from hdvplan.bench.suite import Cell, Suite
+from hdvplan.case import Case
 from hdvplan.errors import RoadError
 from hdvplan.road.limits import Limits
+from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
@@ -31,6 +36,16 @@ def test_limits_lie_beyond_the_geometric_half_width_of_the_tightest_bend() -> No
     # 2.486 m is the published geometric expectation of this U-turn, to its printed millimetre.
     np.testing.assert_allclose(found.left, 2.486 + 0.4, atol=1e-3)
     np.testing.assert_array_equal(found.right, -found.left)
+
+
+def test_limits_beyond_the_half_width_bind_nowhere_however_far_smoothing_moves_the_line(tmp_path: Path) -> None:
+    """Beside the line as given they would lie 0.6 m within the room of a bus that follows a curve of 25 m for a corner."""
+    (tmp_path / "corner.csv").write_text("x,y\n0,0\n60,0\n60,60\n", encoding="utf-8")
+    road = load_road(tmp_path / "corner.csv", RoadOptions(smooth=5.0, max_curvature=0.04))
+    assert road.smoothing is not None
+    assert road.smoothing.max_deviation > 2.0 * SUITE.slack
+    drive = drive_case(Case(with_limits(road, BUS, SUITE), BUS))
+    assert all(plan.merit is None for plan in drive.plans)
 
 
 def test_without_limits_a_road_loses_its_own() -> None:

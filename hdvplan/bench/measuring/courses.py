@@ -49,6 +49,9 @@ def cases_of(suite: Suite) -> list[Case]:
 def with_limits(road: Road, vehicle: Vehicle, suite: Suite, limits: str = AS_SET) -> Road:
     """Return ``road`` with the limits that ``suite`` prescribes for ``vehicle``, or those of a class; a road file's own are replaced.
 
+    Without a half width they lie beside the smoothed line, which is driven: beside the line as given they would bind where smoothing
+    moved it.
+
     Raises:
         RoadError: the pinch leaves no room between the limits.
 
@@ -61,11 +64,12 @@ def with_limits(road: Road, vehicle: Vehicle, suite: Suite, limits: str = AS_SET
     geometric = float(CentringTable.of(vehicle).at(curvature[[tightest]]).half_width[0])
     if limits == "unkeepable":
         reach = 0.5 * (0.5 * vehicle.width + geometric)
-        return road.with_limits(reach, reach)
+        return road.within(Limits.constant(reach, reach, road.path.length))
     reach = geometric + suite.slack if suite.half_width is None else suite.half_width
     pinch = suite.pinch if limits == AS_SET else (suite.pinch or _CLASS_PINCH_M) if limits == "binding" else None
     if pinch is None:
-        return road.with_limits(reach, reach)
+        constant = Limits.constant(reach, reach, road.path.length)
+        return road.within(constant) if suite.half_width is None else road.with_widths(constant)
     if pinch >= 2.0 * reach:
         msg = f"a pinch of {pinch:g} m closes {road.name}, whose limits are {2.0 * reach:.2f} m apart"
         raise RoadError(msg, s_m=float(s[tightest]), hint="choose a smaller --pinch")
