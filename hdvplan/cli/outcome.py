@@ -93,11 +93,11 @@ def compare(results: list[Result], directory: Path, *, picture: bool, as_json: b
         print_json([summary_of(result) for result in results])
     elif not quiet:
         print_line(answer_of(results))
-        columns = ("vehicle", "answer", "to spare [m]", "half width [m]", "at s [m]", "what decides")
-        rows = [
-            (name, word, "-" if spare != spare else f"{spare:.3f}", f"{half:.3f}", f"{s:.1f}", decides)  # noqa: PLR0124 - NaN
-            for name, word, spare, half, s, decides in table.itertuples(index=False)
-        ]
+        numbers = {"spare_m": "to spare [m]", "clearance_m": "beyond [m] to keep", "half_width_m": "half width [m]", "s_m": "at s [m]"}
+        shown = [name for name in numbers if table[name].any() and table[name].notna().any()]
+        columns = ("vehicle", "answer", *(numbers[name] for name in shown), "what decides")
+        texts = table.assign(**{name: [f"{value:.{1 if name == 's_m' else 3}f}" for value in table[name]] for name in shown})
+        rows = texts[["vehicle", "answer", *shown, "decides"]].itertuples(index=False, name=None)
         title = f"{len(results)} vehicles on {results[0].drive.road.name}"
         print_tables(grid(title, columns, rows, text=(columns[0], columns[1], columns[-1]), caption=f"written to {directory}/"))
     return max(exit_code_of(result, verdict_of(result)) for result in results)

@@ -11,7 +11,7 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import part_named
-from hdvplan.judging.clearance import Touches, touches_of
+from hdvplan.judging.clearance import Touches, half_width_of, touches_of
 from hdvplan.judging.envelope import SPACING_M, Envelope
 from hdvplan.judging.obstacles import Approach, approaches
 from hdvplan.vehicle.model import Vehicle
@@ -73,8 +73,16 @@ class Balance:
 
     @property
     def half_width(self) -> float:
-        """The least constant half width that contains everything the plan swept [m]."""
-        return max(self.max_left, self.max_right)
+        """The least constant half width that contains everything the plan swept [m], on a road without limits about the line as given."""
+        return max(self.max_left, self.max_right) if self.beside_given is None else self.beside_given[0]
+
+    @cached_property
+    def beside_given(self) -> tuple[float, Touches] | None:
+        """That half width of a road without limits, and what touches its kerbs; None with limits, or where the driven line is as given."""
+        drive = self.envelope.drive
+        if drive.road.limits is not None or drive.road.about is None:
+            return None
+        return half_width_of(drive, self.envelope.s, max(self.max_left, self.max_right))
 
     @property
     def violation(self) -> float:

@@ -17,6 +17,9 @@ TOUCH = core.record("hdv_touch")
 SIDES = ("left", "right")
 _SECTIONS = core.number("HDV_SECTIONS")
 
+_ROUNDS = 10  # of moving kerbs until a drive touches them
+_NEAR_M = 1e-3  # to kerbs, that counts as touching
+
 Touches = dict[tuple[str, str], Records]  # (units, n) of ``TOUCH``, by the side and the region of a kerb
 
 _touch_many = core.function(
@@ -49,6 +52,22 @@ def touches_of(drive: Drive, s: FloatArray, *, wheels_only: bool = False) -> Tou
         for number, side in enumerate(SIDES):
             found[side, region] = _beside(touches[:, :, number], s, street)
     return found
+
+
+def half_width_of(drive: Drive, s: FloatArray, half: float) -> tuple[float, Touches]:
+    """Return the least half width [m] about the line as given whose kerbs a drive keeps on the road, to 1 mm, and its contacts with them.
+
+    ``half`` is that about the driven line, where the search begins. Kerbs that move in come nearer by as much, at corners by more or less.
+    """
+    for _ in range(_ROUNDS):
+        touches = touches_of(replace(drive, road=replace(drive.road, regions=()).with_limits(half, half)), s)
+        for touch in touches.values():
+            touch["gap"][(touch["s"] < 0.0) | (touch["s"] > drive.road.path.length)] = np.inf
+        gap = min(float(np.min(touch["gap"])) for touch in touches.values())
+        if not _NEAR_M < abs(gap) < np.inf:
+            break
+        half -= gap
+    return half, touches
 
 
 def _swept(drive: Drive, street: Street) -> Records:

@@ -12,6 +12,7 @@ from hdvplan.answers import LINE, needs_text, room_text, word_of, worded
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import contact, part_named
+from hdvplan.judging.clearance import Touches
 from hdvplan.judging.result import Proof, Result, body_name
 from hdvplan.road.regions import OPEN_M, called
 from hdvplan.road.road import Road
@@ -79,7 +80,7 @@ class _Place(NamedTuple):
 
 
 def _found(result: Result) -> Verdict:
-    wanted, places = result.case.settings.clearance, [*_beside_kerbs(result)]
+    wanted, places = result.case.settings.clearance, [*_beside(result, result.balance.touches)]
     places += [
         _Place(near.distance, near.s, near.x, near.y, near.side, near.unit, near.part, None, near.obstacle.label)
         for near in result.approaches
@@ -94,8 +95,8 @@ def _found(result: Result) -> Verdict:
     return Verdict(spare >= -KEPT_M, spare, wanted, half, s, x, y, lonlat_of(result.drive.road, x, y), *decides, wheels)
 
 
-def _beside_kerbs(result: Result) -> Iterator[_Place]:
-    for (side, region), touches in result.balance.touches.items():
+def _beside(result: Result, of_kerbs: Touches) -> Iterator[_Place]:
+    for (side, region), touches in of_kerbs.items():
         unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
         room, s, x, y, ahead = (float(touches[unit, at][name]) for name in ("gap", "s", "x", "y", "ahead"))
         if np.isfinite(room):
@@ -183,7 +184,7 @@ def short_verdict(verdict: Verdict) -> str:
     """Return word and amount of a verdict."""
     if verdict.fits is None:
         return amount_text(verdict)
-    kept = f" with {verdict.clearance_wanted:.2f} m to keep" if verdict.clearance_wanted > 0.0 else ""
+    kept = f" {'beyond' if verdict.fits else 'with'} {verdict.clearance_wanted:.2f} m to keep" if verdict.clearance_wanted > 0.0 else ""
     word = f"{verdict.word} (proved)" if verdict.proved else verdict.word
     return f"{word}, {amount_text(verdict)}{kept}"
 
@@ -208,17 +209,22 @@ def amount_text(verdict: Verdict) -> str:
 
 
 def _needs(result: Result) -> Verdict:
+    given, wanted = result.balance.beside_given, result.case.settings.clearance
+    near = _furthest(result) if given is None else min(_beside(result, given[1]), key=lambda place: place.room)
+    half, lonlat = result.balance.half_width + wanted, lonlat_of(result.drive.road, near.x, near.y)
+    return Verdict(None, None, wanted, half, near.s, near.x, near.y, lonlat, near.side, near.unit, near.part, None, None, None)
+
+
+def _furthest(result: Result) -> _Place:
+    """Return where a body reaches furthest from the driven line."""
     envelope = result.envelope
     left, right = envelope.left, -envelope.right
     side = "left" if np.nanmax(left) >= np.nanmax(right) else "right"
     reach = left if side == "left" else right
     unit, at = (int(number) for number in np.unravel_index(np.nanargmax(reach), reach.shape))
-    half_width, s = float(reach[unit, at]), float(envelope.s[at])
-    at_x, at_y = result.drive.stations.path.to_plane(_one(s), _one(half_width if side == "left" else -half_width))
-    x, y = float(at_x[0]), float(at_y[0])
-    part = contact(result.drive, unit, side, s)
-    wanted = result.case.settings.clearance
-    return Verdict(None, None, wanted, half_width + wanted, s, x, y, lonlat_of(result.drive.road, x, y), side, unit, part, None, None, None)
+    most, s = float(reach[unit, at]), float(envelope.s[at])
+    x, y = (float(of[0]) for of in result.drive.stations.path.to_plane(_one(s), _one(most if side == "left" else -most)))
+    return _Place(-most, s, x, y, side, unit, contact(result.drive, unit, side, s), None, None)
 
 
 def lonlat_of(road: Road, x: float, y: float) -> tuple[float, float] | None:

@@ -120,7 +120,7 @@ def _around(drive: Drive, street: Street, kerb: Kerb, stretch: tuple[float, floa
     part = street.part(kerb, stretch[0], stretch[1] - (_CUT_M if around_all else 0.0))
     line, far = shapely.LineString(part.points), np.concatenate([one.points for one in _moved(part, _FAR_M, closed=False)])
     strip = shapely.make_valid(shapely.Polygon(np.concatenate([part.points, far[::-1]])))
-    swept = _swept(drive, stretch, strip, axles_only=kerb.wheels).buffer(aside, quad_segs=4)
+    swept = _swept(drive, stretch, strip, aside, axles_only=kerb.wheels)
     patches = [_patch(part, line, area) for area in shapely.get_parts(strip.intersection(swept)) if area.area > _LEAST_M2]
     patches = [patch for patch in patches if patch.depth > KEPT_M]
     moved_over = shapely.union_all([patch.polygon for patch in patches]).buffer(_SEAM_M, join_style="mitre")
@@ -160,8 +160,8 @@ def _spots(points: FloatArray) -> Shapes:
     return np.asarray(shapely.points(points))
 
 
-def _swept(drive: Drive, stretch: tuple[float, float], strip: BaseGeometry, *, axles_only: bool) -> BaseGeometry:
-    """Return what bodies sweep beside a stretch of the line where they touch a strip of land.
+def _swept(drive: Drive, stretch: tuple[float, float], strip: BaseGeometry, aside: float, *, axles_only: bool) -> BaseGeometry:
+    """Return what bodies sweep, and come nearer to than ``aside`` [m], beside a stretch of the line where that is in a strip of land.
 
     That is the bodies at every pose, and what their edges sweep from pose to pose.
     """
@@ -174,10 +174,10 @@ def _swept(drive: Drive, stretch: tuple[float, float], strip: BaseGeometry, *, a
     last = path.length if middle > path.length and not path.closed else np.inf  # of a vehicle that has left the road nothing beyond counts
     near = near[(near + 1 < len(drive.poses_s)) & (drive.poses_s[near] < last)]
     before, after = (corners(drive, at, axles_only=axles_only).reshape(-1, 4, 2) for at in (near, near + 1))
-    touching = shapely.intersects(shapely.polygons(before), strip) | shapely.intersects(shapely.polygons(after), strip)
+    touching = shapely.dwithin(shapely.polygons(before), strip, aside) | shapely.dwithin(shapely.polygons(after), strip, aside)
     before, after = before[touching], after[touching]
     edges = np.stack([before, np.roll(before, -1, axis=1), np.roll(after, -1, axis=1), after], axis=2).reshape(-1, 4, 2)
     swept = np.asarray(shapely.polygons(np.concatenate([before, after, edges])))
     crossing = ~shapely.is_valid(swept)  # of the sides where a body turns
     swept[crossing] = shapely.make_valid(swept[crossing])
-    return shapely.union_all(swept)
+    return shapely.union_all(swept).buffer(aside, quad_segs=4)

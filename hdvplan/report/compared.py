@@ -12,7 +12,7 @@ from matplotlib.patches import PathPatch
 
 from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import amount_text, verdict_of
+from hdvplan.judging.verdict import amount_text, short_verdict, verdict_of
 from hdvplan.report.colours import INK, MUTED, answer_colour, body_colour
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.layers import Drawn, Layer, drawn_features
@@ -27,14 +27,17 @@ _MAP_OVER_PROFILE = 1.6  # height
 
 
 def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
-    """Return a row a vehicle: its answer, the room to spare (negative: lacking) and the swept half width [m], and what decides where."""
+    """Return a row a vehicle: its answer, the room to spare beyond the clearance (negative: lacking), what it needs, what decides where.
+
+    Lengths are in metres; NaN: there is none.
+    """
     rows = []
     for result in results:
         verdict = verdict_of(result)
         decides = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}, {verdict.side}"
-        spare = np.nan if verdict.spare is None else verdict.spare
-        rows.append((result.drive.vehicle.name, verdict.word, spare, result.balance.half_width, verdict.s, decides))
-    return pd.DataFrame(rows, columns=["vehicle", "answer", "spare_m", "half_width_m", "s_m", "decides"])
+        spare, half = (np.nan, verdict.half_width) if verdict.spare is None else (verdict.spare, np.nan)
+        rows.append((result.drive.vehicle.name, verdict.word, spare, verdict.clearance_wanted, half, verdict.s, decides))
+    return pd.DataFrame(rows, columns=["vehicle", "answer", "spare_m", "clearance_m", "half_width_m", "s_m", "decides"])
 
 
 def answer_of(results: Sequence[Result]) -> str:
@@ -47,7 +50,8 @@ def answer_of(results: Sequence[Result]) -> str:
     if NEEDS in words.values():
         return f"{amount_text(verdict_of(widest))} for the {widest.drive.vehicle.name}, the widest of {len(words)}"
     tightest = min(results, key=_spare)
-    return worded(YES, f"all {len(words)} vehicles fit; {amount_text(verdict_of(tightest))} for the {tightest.drive.vehicle.name}")
+    least = short_verdict(verdict_of(tightest)).partition(", ")[2]
+    return worded(YES, f"all {len(words)} vehicles fit; {least} for the {tightest.drive.vehicle.name}")
 
 
 @styled()
@@ -69,7 +73,7 @@ def compared_figure(results: Sequence[Result]) -> Figure:
 
 def _spare(result: Result) -> float:
     verdict = verdict_of(result)
-    return -verdict.half_width if verdict.spare is None else verdict.spare
+    return -verdict.half_width if verdict.spare is None else verdict.spare + verdict.clearance_wanted
 
 
 def _draw_map(axes: Axes, results: Sequence[Result], tightest: Result, features: Sequence[Drawn], window: Window) -> None:

@@ -76,7 +76,7 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     whole = unit.metres * everything if plane is None else plane.points
     placed = np.split(whole, np.cumsum([len(part) for part in parts])[:-1])
     beside = Beside(name, system, plane, choice, tuple(line.feature.geometry for line in chosen), unit.metres)
-    edges = [(edge, feature.layer if feature.drawn else label_of(feature)) for feature in features for edge in beside.edges(feature)]
+    edges = [(edge, label_of(feature)) for feature in features for edge in beside.edges(feature)]
     if system is None:
         refuse_no_street(placed, None, [edge for edge, _ in edges], unit, name)
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)

@@ -127,5 +127,5 @@ def _rings(geometry: Json, *, closed_lines: bool) -> list[Any] | None:
 
 
 def label_of(feature: Feature) -> str:
-    """Return what is told and drawn of a feature beside the line."""
-    return printable(feature.labels[0] if feature.labels else feature.layer)[:_LONGEST_LABEL]
+    """Return what is told and drawn of a feature beside the line: of a drawing its layer, where a name is a number of the program's."""
+    return printable(feature.layer if feature.drawn or not feature.labels else feature.labels[0])[:_LONGEST_LABEL]

@@ -29,7 +29,7 @@ class Role(StrEnum):
 
 
 _SPELLINGS = {  # of layers with a role without --role; those of edges are also values of a property "edge", and names
-    Role.OBSTACLE: "obstacle obstacles hinder hindernis hindernisse",
+    Role.OBSTACLE: "obstacle obstacles hinder hindernis hindernisse building buildings gebaude byggnad byggnader batiment batiments",
     Role.SWEEPABLE: "sweepable sweepables overrunnable uberfahrbar overkorbar",
     Role.EDGE: "left right left_edge right_edge edge_left edge_right edge_l edge_r left_kerb right_kerb kerb kerbs kerb_left kerb_right"
     " left_curb right_curb curb_left curb_right links rechts rand_links rand_rechts linker_rand rechter_rand fahrbahnrand vanster hoger"

@@ -59,6 +59,19 @@ def test_the_least_area_is_smaller_and_the_least_depth_shallower(found: Widening
     assert LACK_M - 0.03 < found.depth.depth < LACK_M + 0.03
 
 
+def test_where_nothing_but_clearance_is_lacking_the_widening_is_what_it_lacks(narrow: Case) -> None:
+    """No body is beyond a kerb there."""
+    half = least_in_the_bend().room + 0.05
+    wanted = replace(narrow.settings, clearance=0.25)
+    kept = least_widenings(replace(narrow, road=narrow.road.with_limits(half, half), settings=wanted), [])
+    assert kept.fitting is None
+    assert kept.depth is not None
+    assert kept.area is not None
+    assert 0.2 - 0.03 < kept.depth.depth < 0.2 + 0.03  # 2 cm are tolerances of need and verdict
+    assert 0.0 < kept.area.area <= kept.depth.area
+    assert verdict_of(kept.area.result).fits is False  # in the street as it was
+
+
 def test_kerbs_on_both_sides_need_no_more_area_than_those_on_one_side_alone(narrow: Case, found: Widenings) -> None:
     assert found.area is not None
     for side in BOTH:

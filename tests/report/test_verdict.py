@@ -1,17 +1,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
 from hdvplan.answers import LINE
+from hdvplan.api import plan
+from hdvplan.case import Case
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of, verdict_title
+from hdvplan.need.search import on_road
 from hdvplan.report.summary import summary_of
 from hdvplan.road.limits import Limits
+from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind, Region
+from hdvplan.vehicle.load import load_vehicle
 
 
 def judged(result: Result, **changes: object) -> Result:
@@ -59,6 +66,21 @@ def test_a_road_without_limits_says_what_it_needs(trailer: Result) -> None:
     assert verdict.half_width == max(trailer.balance.max_left, trailer.balance.max_right)
     assert line(trailer).startswith(f"NEEDS {verdict.half_width:.2f} m to both sides for the tractor-trailer: {verdict.part} ")
     assert details(trailer).endswith("; the road has no limits")
+
+
+def test_what_a_road_without_limits_needs_counts_from_the_line_as_given(tmp_path: Path) -> None:
+    """The plan fits between limits so wide, and smoothing has moved the driven line by a metre."""
+    (tmp_path / "corner.csv").write_text("x,y\n0,0\n60,0\n60,60\n", encoding="utf-8")
+    road = load_road(tmp_path / "corner.csv", RoadOptions(smooth=2.0))
+    assert road.smoothing is not None
+    assert road.smoothing.max_deviation > 1.0
+    result = plan(Case(road, load_vehicle("bus")))
+    needed = verdict_of(result)
+    there = verdict_of(on_road(result, road.with_limits(needed.half_width, needed.half_width)))
+    assert there.spare == pytest.approx(0.0, abs=2e-3)  # the search ends within 1 mm
+    assert there.s == pytest.approx(needed.s, abs=0.01)  # the same contact of the same poses
+    assert (there.unit, there.part, there.side) == (needed.unit, needed.part, needed.side)
+    assert result.balance.half_width == needed.half_width
 
 
 def test_wheels_on_the_wrong_side_are_told_from_an_overhang_over_the_kerb(bus: Result, kerbed: Result) -> None:

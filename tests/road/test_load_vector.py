@@ -185,10 +185,10 @@ def test_polygons_are_regions_by_property_by_layer_and_by_role(tmp_path: Path) -
     by_property = write(tmp_path / "a.gpkg", [LINE], layer="road")
     write(by_property, [HOARDING], layer="things", region=["Obstacle"])
     by_layer = write(tmp_path / "b.gpkg", [LINE], layer="road")
-    write(by_layer, [HOARDING], layer="Obstacles", name=["hoarding"])
+    write(by_layer, [HOARDING], layer="Buildings", name=["hoarding"])
     by_role = write(tmp_path / "c.gpkg", [LINE], layer="road")
-    write(by_role, [HOARDING], layer="buildings", name=["hoarding"])
-    for file, roles in ((by_property, ()), (by_layer, ()), (by_role, ("buildings=obstacle",)), (by_role, ("hoarding=obstacle",))):
+    write(by_role, [HOARDING], layer="sheds", name=["hoarding"])
+    for file, roles in ((by_property, ()), (by_layer, ()), (by_role, ("sheds=obstacle",)), (by_role, ("hoarding=obstacle",))):
         (region,) = load_road(file, RoadOptions(roles=roles)).regions
         assert region.kind is Kind.OBSTACLE
     assert not load_road(by_role).regions
@@ -201,6 +201,7 @@ def test_a_closed_line_of_a_drawing_is_an_area(tmp_path: Path) -> None:
     drawing = write(tmp_path / "a.dxf", [GRID_LINE, van], crs=None, Layer=["ROAD", "HINDER"])
     (region,) = load_road(drawing, RoadOptions(layer="ROAD")).regions
     assert region.polygon.area == pytest.approx(12.0, abs=1e-6)
+    assert region.label == "HINDER"  # not the number that the drawing program gives it
 
 
 def test_the_pieces_of_a_drawing_s_layer_are_one_line_whichever_way_they_run(tmp_path: Path) -> None:
