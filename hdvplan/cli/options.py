@@ -89,6 +89,10 @@ class Output:
     formats: Annotated[str, Setting("png, pdf, svg: the picture; dxf, gpkg: layers for CAD and GIS.", "A,B", ("--format",))] = "png"
     sheet: Annotated[str | None, Setting("Draw sheet.pdf at a round scale; up to a0.", "a4|a3|...")] = None
     scale: Annotated[str | None, Setting("Scale of the sheet: 200 draws 1:200 [default: what fits].", "N")] = None
+    stamps: Annotated[
+        tuple[str, ...],
+        Setting("In the sheet's title block besides: 'project=Line 18', 'checked by='; may be repeated.", "NAME=TEXT", ("--stamp",)),
+    ] = ()
     animate: Annotated[bool, Setting("Write drive.gif, a film of the drive.")] = False
     quiet: Annotated[bool, Setting("No progress, notes or tables; errors remain.")] = False
 
@@ -100,13 +104,13 @@ class Output:
 
         """
         if self.sheet is None:
-            if self.scale is not None:
-                msg = f"--scale {self.scale} needs a sheet"
+            if self.scale is not None or self.stamps:
+                msg = "--stamp needs a sheet" if self.scale is None else f"--scale {self.scale} needs a sheet"
                 raise OptionError(msg, hint="add --sheet a3")
             return None
         from hdvplan.report.paper import SheetOptions
 
-        return SheetOptions.named(self.sheet, self.scale)
+        return SheetOptions.named(self.sheet, self.scale, self.stamps)
 
     def kinds(self, pictures: Sequence[str], drawings: Sequence[str]) -> list[str]:
         """Return which of these formats are asked for; without ``plot`` no pictures.

@@ -5,6 +5,7 @@ from __future__ import annotations
 BODY_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")  # Okabe and Ito; they repeat in long chains
 BREACH = "#C40023"  # never alone: broken limits are thick, marked or written out as well
 INK, MUTED, FAINT = "#1F1F1F", "#6B6B6B", "#E6E6E6"
+BAND = "0.75"  # with the driver's error
 
 
 def body_colour(unit: int) -> str:

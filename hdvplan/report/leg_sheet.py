@@ -33,16 +33,16 @@ def legs_sheet_bytes(driven: LegsResult, options: SheetOptions, *, date: str | N
     page = page_around(outline, sum(lengths), map_mm(options), options.scale)
     first = driven.results[0]
     each = ", ".join(f"{leg.direction} {length:.1f} m" for leg, length in zip(driven.legs.legs, lengths, strict=True))
-    rows = rows_of(first, (driven.legs.name, first.drive.road.notice), page, options.paper, date)
+    rows = rows_of(driven.results, (driven.legs.name, first.drive.road.notice), page, options, date)
     tightest = _tightest(driven, page) if driven.fits is not None else None
     places = [] if tightest is None else [_enlarged(driven, page, tightest)]
     places += [partial(_draw_stop, driven=driven, page=page, stop=stop) for stop in stops_of(driven)[1:]]
     sheet = Sheet(
-        first.drive.vehicle, driven.fits, f"{driven.text}; {driven.details}", (*rows, ("legs", each)),
+        first.drive.vehicle, driven.fits, driven.text, driven.details, (*rows, ("legs", each)),
         partial(_draw_map, driven=driven, page=page, tightest=tightest), tuple(places),
     )  # fmt: skip
     title = f"{driven.name}, {len(lengths)} legs, {sum(lengths):.0f} m"
-    return pdf_bytes([sheet], options.paper, title, driven.text)
+    return pdf_bytes([sheet], options, title, driven.text)
 
 
 def _tightest(driven: LegsResult, page: Page) -> Room | None:

@@ -19,7 +19,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result
-from hdvplan.report.colours import BREACH, INK, MUTED, body_colour
+from hdvplan.report.colours import BAND, BREACH, INK, MUTED, body_colour
 from hdvplan.report.geojson import polygons_of
 from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.layers import Drawn, Layer, outline_places
@@ -148,7 +148,7 @@ def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turn
 def draw_tube(axes: Axes, tube: BaseGeometry, *, turned: Turn = UNTURNED) -> None:
     """Draw what bodies sweep at most while the driver errs as much as is allowed, as a pale band behind what they sweep."""
     placed = shapely.transform(tube, turned)
-    axes.add_patch(PathPatch(outline_of(placed), facecolor="0.75", edgecolor="none", zorder=0.5, label="with the driver's error"))
+    axes.add_patch(PathPatch(outline_of(placed), facecolor=BAND, edgecolor="none", zorder=0.5, label="with the driver's error"))
 
 
 def draw_letter(axes: Axes, letter: str, at: FloatArray, away_pt: tuple[float, float], colour: str) -> None:

@@ -29,7 +29,8 @@ _LAID = 50  # places of a line by which a scale is tried before anything is plan
 _FRAME_MM = 8.0
 _SHARE, _COLUMN_MM = 0.27, (86.0, 135.0)  # of the paper's width for the column of insets and title
 _STRIP_MM = (44.0, 70.0)  # below the map, for the vehicle
-_TITLE_MM, _LEGEND_MM = 74.0, 30.0
+_TITLE_MM, _LEGEND_MM = 78.0, 30.0
+STAMP_MM, _MOST_STAMPS, _LONGEST_STAMP = 8.5, 10, 60  # of a row of two stamps; how many, and letters of each
 BAND_MM = 15.0  # below the road, for scale bar and north arrow
 
 Size = tuple[float, float]  # of axes on paper [mm]
@@ -46,15 +47,18 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class SheetOptions:
-    """Paper, of ``PAPERS_MM``, and how many metres a metre of paper shows, or None for the largest round scale that fits.
+    """Paper, of ``PAPERS_MM``, how many metres a metre of paper shows, or None for the largest round scale that fits, and stamps.
+
+    ``stamps`` are what an office writes on every drawing, such as ``("project", "Line 18")``; their texts may be empty.
 
     Raises:
-        OptionError: no such paper, or a scale that no drawing has.
+        OptionError: no such paper, a scale that no drawing has, or stamps that have no room.
 
     """
 
     paper: str = "a3"
     scale: int | None = None
+    stamps: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what cannot be drawn on."""
@@ -64,22 +68,31 @@ class SheetOptions:
         if self.scale is not None and not 10 <= self.scale <= _SMALLEST:  # noqa: PLR2004 - 1:10 shows two metres on A4
             msg = f"--scale {self.scale} must lie between 10 and {_SMALLEST}: 200 draws 1:200"
             raise OptionError(msg)
+        if len(self.stamps) > _MOST_STAMPS or any(len(text) > _LONGEST_STAMP for stamp in self.stamps for text in stamp):
+            msg = f"a sheet has room for {_MOST_STAMPS} stamps of {_LONGEST_STAMP} letters"
+            raise OptionError(msg)
 
     @classmethod
-    def named(cls, paper: str, scale: str | None) -> SheetOptions:
-        """Return the options by the words of the command line: ``A3`` and ``200`` or ``1:200``.
+    def named(cls, paper: str, scale: str | None, stamps: Sequence[str] = ()) -> SheetOptions:
+        """Return the options by the words of the command line: ``A3``, ``200`` or ``1:200``, and ``project=Line 18``.
 
         Raises:
-            OptionError: as above, or a scale that is no whole number.
+            OptionError: as above, a scale that is no whole number, or a stamp without a name.
 
         """
+        parted = [stamp.partition("=") for stamp in stamps]
+        wrong = next((stamp for stamp, (name, equals, _) in zip(stamps, parted, strict=True) if not (name.strip() and equals)), None)
+        if wrong is not None:
+            msg = f"--stamp {wrong!r} is not NAME=TEXT"
+            raise OptionError(msg, hint='such as --stamp "project=Line 18" --stamp "checked by="')
+        written = tuple((name.strip(), text.strip()) for name, _, text in parted)
         if scale is None:
-            return cls(paper.lower())
+            return cls(paper.lower(), None, written)
         digits = scale.removeprefix("1:").strip()
         if not digits.isdecimal() or len(digits) > _DIGITS:
             msg = f"--scale {scale!r} is not a scale: give 200 or 1:200"
             raise OptionError(msg)
-        return cls(paper.lower(), int(digits))
+        return cls(paper.lower(), int(digits), written)
 
 
 @dataclass(frozen=True)
@@ -100,28 +113,30 @@ class Page:
         return turned
 
 
-def layout(width: float, height: float) -> tuple[Box, Box, Box, Box, Box]:
-    """Return the places of the map, the vehicle, the insets, the legend and the title on a paper of this size [mm]."""
+def layout(options: SheetOptions) -> tuple[Box, Box, Box, Box, Box]:
+    """Return the places of the map, the vehicle, the insets, the legend and the title on a paper [mm]."""
+    width, height = PAPERS_MM[options.paper]
+    title_mm = _TITLE_MM + STAMP_MM * -(-len(options.stamps) // 2)
     column = min(max(_SHARE * width, _COLUMN_MM[0]), _COLUMN_MM[1])
     strip = min(max(0.2 * height, _STRIP_MM[0]), _STRIP_MM[1])
     right, inner = width - _FRAME_MM - column, height - 2.0 * _FRAME_MM
     field = Box(_FRAME_MM, _FRAME_MM + strip, right - _FRAME_MM, inner - strip)
     vehicle = Box(_FRAME_MM, _FRAME_MM, right - _FRAME_MM, strip)
-    title = Box(right, _FRAME_MM, column, _TITLE_MM)
-    legend = Box(right, _FRAME_MM + _TITLE_MM, column, _LEGEND_MM)
-    insets = Box(right, legend.y + _LEGEND_MM, column, inner - _TITLE_MM - _LEGEND_MM)
+    title = Box(right, _FRAME_MM, column, title_mm)
+    legend = Box(right, _FRAME_MM + title_mm, column, _LEGEND_MM)
+    insets = Box(right, legend.y + _LEGEND_MM, column, inner - title_mm - _LEGEND_MM)
     return field, vehicle, insets, legend, title
 
 
 def map_mm(options: SheetOptions) -> Size:
     """Return the size of the map on a paper, without the band of the scale bar [mm]."""
-    field, *_ = layout(*PAPERS_MM[options.paper])
+    field, *_ = layout(options)
     return field.width, field.height - BAND_MM
 
 
 def places_on(options: SheetOptions) -> int:
     """Return how many enlarged places a paper has room for."""
-    insets = layout(*PAPERS_MM[options.paper])[2]
+    insets = layout(options)[2]
     return max(1, round(insets.height / (0.62 * insets.width)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -11,20 +11,22 @@ from itertools import zip_longest
 from textwrap import wrap
 
 import matplotlib as mpl
+import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
-from hdvplan.judging.verdict import tracking_line, verdict_line, verdict_of, verdict_text
+from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line, verdict_of
 from hdvplan.report.colours import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_view
 from hdvplan.report.layers import LONLAT_CODE, drawn_features, map_system
-from hdvplan.report.paper import PAPERS_MM, Box, Page, SheetOptions, Size, layout, map_mm, pages_of, places_on
-from hdvplan.report.sheetmap import draw_field, draw_inset, places_of
+from hdvplan.report.paper import PAPERS_MM, STAMP_MM, Box, Page, SheetOptions, Size, layout, map_mm, pages_of, places_on
+from hdvplan.report.sheetmap import draw_field, draw_inset, draw_key, places_of
 from hdvplan.report.style import styled
 from hdvplan.report.tube import tubes_of
 from hdvplan.vehicle.model import Vehicle
@@ -36,6 +38,7 @@ _LETTER, _BOLD = 0.56, 1.12  # mean width of a letter over the type's size, and 
 _SMALL, _TEXT, _VERDICT = 5.5, 7.0, 9.5  # of type [pt]
 _MARGIN_MM = 3.0
 _ONE_COLUMN = 3  # rows of a legend that fill one
+_KEY = 0.3  # of a legend's width, for the key plan
 
 
 @dataclass(frozen=True)
@@ -45,9 +48,11 @@ class Sheet:
     vehicle: Vehicle
     fits: bool | None
     verdict: str
+    details: str
     rows: tuple[tuple[str, str], ...]  # of the title block: names and what they say
     draw_map: Callable[[Axes, Size], None]
     draw_places: tuple[Callable[[Axes, Size], None], ...]  # as many as there is room for are drawn
+    draw_key: Callable[[Axes], None] | None = None  # which part of a road this is
 
 
 def sheet_bytes(result: Result, options: SheetOptions, *, date: str | None = None) -> bytes:
@@ -61,60 +66,79 @@ def sheet_bytes(result: Result, options: SheetOptions, *, date: str | None = Non
     """
     pages, features = pages_of(result, map_mm(options), options.scale), drawn_features(result)
     drive, verdict = result.drive, verdict_of(result)
-    driver = (("driver", f"{tracking_line(result)}; the grey band where enlarged"),) if verdict.fits else ()
+    driver = (("driver", tracking_line(result)),) if verdict.fits else ()
     around = drive.vehicle.reach_ahead + drive.vehicle.reach_behind
 
     def sheet(page: Page) -> Sheet:
         places = places_of(result, page, places_on(options))
         tubes = tubes_of(result, [(room.s - around, room.s + around) for _, room in places])
         about = (f"{drive.road.name}, {drive.road.path.length:.1f} m", drive.road.notice)
-        rows = rows_of(result, about, page, options.paper, date)
+        rows = rows_of([result], about, page, options, date)
         return Sheet(
-            drive.vehicle, verdict.fits, verdict_text(result, verdict), (*rows, ("wheel tracks", TRACK_NOTE), *driver),
-            lambda axes, size: draw_field(axes, result, features, page, size, places),
+            drive.vehicle, verdict.fits, verdict_line(result, verdict), verdict_details(result, verdict),
+            (*rows, ("wheel tracks", TRACK_NOTE), *driver),
+            lambda axes, size: draw_field(axes, result, features, page, size, places, tubes=bool(tubes)),
             tuple(
                 partial(draw_inset, result=result, features=features, page=page, place=place, tube=tube)
                 for place, tube in zip_longest(places, tubes)
             ),
+            partial(draw_key, path=drive.road.path, page=page) if len(pages) > 1 else None,
         )  # fmt: skip
 
     title = f"{drive.vehicle.name} on {drive.road.name}, {drive.road.path.length:.0f} m"
-    return pdf_bytes((sheet(page) for page in pages), options.paper, title, verdict_line(result, verdict))
+    return pdf_bytes((sheet(page) for page in pages), options, title, verdict_line(result, verdict))
 
 
-def pdf_bytes(sheets: Iterable[Sheet], paper: str, title: str, subject: str) -> bytes:
+def pdf_bytes(sheets: Iterable[Sheet], options: SheetOptions, title: str, subject: str) -> bytes:
     """Return sheets as one PDF."""
     buffer = BytesIO()
     metadata = {"Title": title, "Subject": subject, "Creator": f"hdvplan {__version__}", "CreationDate": None}
     with styled(), mpl.rc_context({"path.simplify": False}), PdfPages(buffer, metadata=metadata) as pdf:
         for sheet in sheets:
-            pdf.savefig(_figure(sheet, paper))
+            pdf.savefig(_figure(sheet, options))
     return buffer.getvalue()
 
 
-def rows_of(result: Result, about: tuple[str, str | None], page: Page, paper: str, date: str | None) -> tuple[tuple[str, str], ...]:
-    """Return the title block's rows of any plan; ``about`` are what is said of the road, and its notice."""
-    vehicle, (road, notice) = result.drive.vehicle, about
+def rows_of(
+    results: Sequence[Result], about: tuple[str, str | None], page: Page, options: SheetOptions, date: str | None
+) -> tuple[tuple[str, str], ...]:
+    """Return the title block's rows of a plan of one leg or several; ``about`` are what is said of the road, and its notice."""
+    result, (road, notice) = results[0], about
+    vehicle = result.drive.vehicle
     when = date or datetime.now(UTC).date().isoformat()
     return (
         ("road", road),
         ("vehicle", f"{vehicle.name}, {vehicle.reach_ahead + vehicle.reach_behind:.2f} x {vehicle.width:.2f} m"),
-        ("drawn", f"1:{page.scale} on {paper.upper()}, {page.caption}"),
+        ("steering", _steering([one.drive for one in results])),
+        ("drawn", f"1:{page.scale} on {options.paper.upper()}, {page.caption}"),
         ("position", _position(result)),
         ("date", f"{when}, hdvplan {__version__}, planned with {result.objective}, judged by simulation"),
         ("source", notice or "road file without attribution"),
     )
 
 
-def _figure(sheet: Sheet, paper: str) -> Figure:
-    width, height = PAPERS_MM[paper]
+def _steering(drives: Sequence[Drive]) -> str:
+    """Return the largest angles of the front wheels, off the middle of the first axle, and of each coupling."""
+    vehicle = drives[0].vehicle
+    curvature = max(float(np.max(np.abs(drive.kappa), initial=0.0)) for drive in drives)
+    wheels = f"at most {_degrees(vehicle.lead.wheelbase * curvature)}, {100.0 * curvature / vehicle.max_curvature:.0f} % of its range"
+    angles = [np.max([np.max(np.abs(drive.poses_z[:, at])) for drive in drives]) for at in range(2, vehicle.rigid_states)]
+    return f"{wheels}; articulation {' and '.join(_degrees(np.tan(angle)) for angle in angles)}" if angles else wheels
+
+
+def _degrees(tangent: float) -> str:
+    return f"{np.degrees(np.arctan(tangent)):.0f} degrees"
+
+
+def _figure(sheet: Sheet, options: SheetOptions) -> Figure:
+    width, height = PAPERS_MM[options.paper]
     figure = Figure(figsize=(width / _MM_IN, height / _MM_IN))
-    boxes = layout(width, height)
+    boxes = layout(options)
     for box in boxes:
         corner = (box.x / width, box.y / height)
         figure.add_artist(Rectangle(corner, box.width / width, box.height / height, fill=False, edgecolor=INK, linewidth=0.7))
     field, vehicle, insets, legend, title = boxes
-    drawn, count = _axes(figure, field), places_on(SheetOptions(paper))
+    drawn, count = _axes(figure, field), places_on(options)
     sheet.draw_map(drawn, (field.width, field.height))
     for number, draw in enumerate(sheet.draw_places[:count]):
         each = insets.height / count
@@ -127,7 +151,9 @@ def _figure(sheet: Sheet, paper: str) -> Figure:
         handles, labels, loc="center left", ncols=1 if rows <= _ONE_COLUMN else 2, fontsize=_SMALL + 0.5, handlelength=2.2,
         labelspacing=min(0.55, 30.0 / rows / 6.0), columnspacing=1.0, borderaxespad=0.6,
     )  # fmt: skip
-    _draw_title(_axes(figure, title), sheet, (title.width, title.height))
+    if sheet.draw_key is not None:
+        sheet.draw_key(_axes(figure, legend._replace(x=legend.x + (1.0 - _KEY) * legend.width, width=_KEY * legend.width)))
+    _draw_title(_axes(figure, title), sheet, options.stamps, (title.width, title.height))
     return figure
 
 
@@ -138,23 +164,30 @@ def _axes(figure: Figure, box: Box) -> Axes:
     return axes
 
 
-def _draw_title(axes: Axes, sheet: Sheet, size_mm: Size) -> None:
-    """Write verdict, road, vehicle, scale, coordinates, date, version and source into axes of ``size_mm``."""
+def _draw_title(axes: Axes, sheet: Sheet, stamps: Sequence[tuple[str, str]], size_mm: Size) -> None:
+    """Write verdict, road, vehicle, scale, coordinates, date, version and source into axes of ``size_mm``, and below them the stamps."""
     width, height = size_mm
     axes.set_xlim(0.0, width)
     axes.set_ylim(0.0, height)
     y = height - _MARGIN_MM
-    for line in _lines(sheet.verdict, width, _BOLD * _VERDICT, 4):
-        axes.text(_MARGIN_MM, y, line, fontsize=_VERDICT, fontweight="bold", color=answer_colour(fits=sheet.fits), va="top")
-        y -= 1.25 * _VERDICT * _MM_PT
-    y -= 1.5
+    answer = answer_colour(fits=sheet.fits)
+    for text, size, weight, bold in ((sheet.verdict, _VERDICT, "bold", _BOLD), (sheet.details, _TEXT, "normal", 1.0)):
+        for line in _lines(text, width, bold * size, 3):
+            axes.text(_MARGIN_MM, y, line, fontsize=size, fontweight=weight, color=answer, va="top")
+            y -= 1.25 * size * _MM_PT
+    y -= 1.0
     for name, value in sheet.rows:
-        axes.plot([0.0, width], [y + 0.8, y + 0.8], color=MUTED, linewidth=0.3)
+        axes.plot([0.0, width], [y + 0.7, y + 0.7], color=MUTED, linewidth=0.3)
         axes.text(_MARGIN_MM, y, name, fontsize=_SMALL, color=MUTED, va="top")
         for line in _lines(value, width - 18.0, _TEXT, 3):
             axes.text(_MARGIN_MM + 16.0, y, line, fontsize=_TEXT, va="top")
             y -= 1.25 * _TEXT * _MM_PT
-        y -= 1.4
+        y -= 1.2
+    for number, (name, value) in enumerate(stamps):
+        x, top = 0.5 * width * (number % 2), STAMP_MM * (-(-len(stamps) // 2) - number // 2)
+        axes.add_patch(Rectangle((x, top - STAMP_MM), 0.5 * width, STAMP_MM, fill=False, edgecolor=INK, linewidth=0.4))
+        for words, size, colour, below in ((name, _SMALL, MUTED, 1.0), (value, _TEXT + 1.0, INK, 3.7)):
+            axes.text(x + _MARGIN_MM, top - below, _lines(words, 0.5 * width, size, 1)[0], fontsize=size, color=colour, va="top")
 
 
 def _position(result: Result) -> str:

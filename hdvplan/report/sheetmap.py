@@ -11,43 +11,51 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name
-from hdvplan.report.colours import BREACH, INK
+from hdvplan.report.colours import BAND, BREACH, INK, MUTED
 from hdvplan.report.layers import Drawn, outline_places
 from hdvplan.report.maps import draw_bodies, draw_direction, draw_features, draw_letter, draw_north, draw_room, draw_tube
 from hdvplan.report.paper import BAND_MM, Page
 from hdvplan.report.rooms import Room, peaks, pose_touching, room_at, shown_reach, tightness
 from hdvplan.report.style import ON_WHITE
+from hdvplan.road.path import ReferencePath
 
 _BARS_M = (200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 _LONGEST_BAR_MM = 105.0
 _INSET_SCALES = ((1000, 200), (200, 100), (100, 50), (40, 20), (20, 10), (0, 5))  # from this scale of the sheet on: at least twice as large
-_PLACES_APART_M = 15.0
+_PLACES_APART_M, _NEARLY_M = 15.0, 0.5  # places that are enlarged: from each other, and more room than the tightest one's
 _BESIDE_MM = 7.0  # of an enlarged place: its text
 _LONG_SHARE = 0.3  # of an enlarged place's height: longer dimensions have room for their text
 _INWARDS_M = 1.2  # that the road is looked at from an enlarged place
 _TICKS_M = (5.0, 10.0, 20.0, 50.0, 100.0)
 _TICK_MM = 28.0  # at least, between two
 _ARROWS_MM = 70.0  # between arrows along the road
-_LETTER_PT = 25.0  # from the place that it names
+_LETTER_PT, _MM_PT = 25.0, 25.4 / 72.0  # from the place that it names; a point
+_BUBBLE_MM, _FREE_MM = 4.0, 6.5  # of a letter's circle to the frame; from it to a station's number
+_ASIDE_MM, _BELOW_MM, _ABOVE_MM = 19.0, 9.0, 4.0  # of an enlarged place's text to the frame, and to the head
+_KEY_POINTS = 400
 _SMALL, _TINY = 7.0, 6.0  # of type [pt]
 
 
 def places_of(result: Result, page: Page, most: int) -> list[tuple[str, Room]]:
-    """Return the tightest places of a sheet, lettered in road order."""
+    """Return the tightest places of a sheet, and others nearly as tight, lettered in road order."""
     s, score = result.envelope.s, tightness(result)
     inside = np.where((s >= page.s_from) & (s <= page.s_to), score, -np.inf)
+    inside = np.where(inside >= np.max(inside) - _NEARLY_M, inside, -np.inf)
     found = sorted(peaks(s, inside, _PLACES_APART_M, most))
     return [(chr(ord("A") + number), room_at(result, at)) for number, at in enumerate(found)]
 
 
 def draw_field(
-    axes: Axes, result: Result, features: tuple[Drawn, ...], page: Page, size_mm: tuple[float, float], places: list[tuple[str, Room]]
-) -> None:
-    """Draw a sheet's stretch of road, filling the axes, of ``size_mm``, exactly to scale."""
+    axes: Axes, result: Result, features: tuple[Drawn, ...], page: Page, size_mm: tuple[float, float], places: list[tuple[str, Room]],
+    *, tubes: bool,
+) -> None:  # fmt: skip
+    """Draw a sheet's stretch of road, filling the axes, of ``size_mm``, exactly to scale; ``tubes``: enlarged places have bands."""
     drive, mm = result.drive, page.scale / 1e3  # metres that a millimetre shows
     poses = np.array([pose_at(drive, s) for s in outline_places(result, page.s_from, page.s_to)])
     _draw_ground(axes, result, features, page, look_at_page(axes, page, size_mm), poses)
-    _draw_stations(axes, result, page, mm)
+    if tubes:
+        axes.fill([], [], color=BAND, label="with the driver's error, where enlarged")
+    _draw_stations(axes, result, page, mm, [_bubble(axes, room, page) for _, room in places])
     count = max(1, int((page.s_to - page.s_from) / (_ARROWS_MM * mm)))
     draw_direction(axes, drive.road.path, page.s_from, page.s_to, count=count, weight=1.0, turned=page.turned)
     for letter, room in places:
@@ -57,12 +65,40 @@ def draw_field(
 
 def draw_place(axes: Axes, letter: str, room: Room, page: Page) -> None:
     """Write the letter of an enlarged place beside it."""
-    away = page.turned(_LETTER_PT * room.outwards[None])[0]
-    draw_letter(axes, letter, page.turned(room.beyond[None])[0], (float(away[0]), float(away[1])), BREACH if room.broken else INK)
+    at, centre = shapely.get_coordinates(_bubble(axes, room, page))
+    away = _LETTER_PT / np.hypot(*(centre - at)) * (centre - at)
+    draw_letter(axes, letter, at, (float(away[0]), float(away[1])), BREACH if room.broken else INK)
+
+
+def _bubble(axes: Axes, room: Room, page: Page) -> BaseGeometry:
+    """Return the line from an enlarged place to its letter, as it lies on a sheet: outwards or, at the frame, to another side."""
+    mm = page.scale / 1e3
+    at, out = page.turned(np.stack([room.beyond, room.outwards]))
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    inside = shapely.box(left, low + BAND_MM * mm, right, high).buffer(-_BUBBLE_MM * mm)
+    turns = (0.0, 0.25, -0.25, 0.5, -0.5, 1.0)  # of pi
+    lines = [_away(at, out, np.pi * turn, _LETTER_PT * _MM_PT * mm) for turn in turns]
+    return next((line for line in lines if inside.contains(shapely.Point(line.coords[1]))), lines[0])
+
+
+def _away(at: FloatArray, out: FloatArray, turn: float, long: float) -> shapely.LineString:
+    cos, sin = np.cos(turn), np.sin(turn)
+    return shapely.LineString([at, at + long * (out @ np.array([[cos, sin], [-sin, cos]]))])
+
+
+def draw_key(axes: Axes, path: ReferencePath, page: Page) -> None:
+    """Draw the whole line, small and with north above, and the stretch that a sheet shows."""
+    for s_from, s_to, colour, width in ((0.0, path.length, MUTED, 0.8), (page.s_from, page.s_to, INK, 2.0)):
+        axes.plot(*path.to_plane(np.linspace(s_from, s_to, _KEY_POINTS), 0.0), color=colour, linewidth=width)
+    axes.margins(0.15)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.text(0.5, 0.97, "key plan", transform=axes.transAxes, ha="center", va="top", fontsize=_TINY, color=MUTED)
 
 
 def draw_marks(axes: Axes, page: Page, size_mm: tuple[float, float], *, north: bool) -> None:
-    """Draw the scale bar and, on maps with a place on earth, a north arrow."""
+    """Draw the scale bar and, on maps with a place on earth, a north arrow, in a strip of their own."""
+    mm, (left, right), low = page.scale / 1e3, axes.get_xlim(), axes.get_ylim()[0]
+    axes.add_patch(Rectangle((left, low), right - left, BAND_MM * mm, facecolor="white", edgecolor=INK, linewidth=0.5, zorder=8.5))
     _draw_bar(axes, page, size_mm)
     if north:
         draw_north(axes, (1.0 - 10.0 / size_mm[0], 12.0 / size_mm[1]), page.turn)
@@ -86,9 +122,16 @@ def draw_inset(
         draw_tube(axes, tube, turned=page.turned)
     shown = float(np.hypot(*(ends[1] - ends[0]))) < _LONG_SHARE * size_mm[1] * scale / 1e3  # else the text stands on the dimension
     beside = page.turned((room.beyond + _BESIDE_MM * scale / 1e3 * room.outwards)[None])[0] if room.limited and shown else ends.mean(axis=0)
-    draw_room(axes, room, room.text, beside, turned=page.turned)
+    draw_room(axes, room, room.text, _within(axes, beside, scale), turned=page.turned)
     body = body_name(result.drive.vehicle, room.unit)
     head_inset(axes, f"{letter}   1:{scale}   s = {room.s:.1f} m, {body}, {room.side}")
+
+
+def _within(axes: Axes, place: FloatArray, scale: int) -> FloatArray:
+    """Return where a text is written whose place may be under the head of an enlarged place, or at its frame."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    aside, below, above = (mm * scale / 1e3 for mm in (_ASIDE_MM, _BELOW_MM, _ABOVE_MM))
+    return np.array([np.clip(place[0], left + aside, right - aside), np.clip(place[1], low + above, high - below)])
 
 
 def inset_scale(page: Page) -> int:
@@ -122,8 +165,8 @@ def _draw_ground(axes: Axes, result: Result, features: tuple[Drawn, ...], page: 
     draw_bodies(axes, corners(result.drive, poses), weight=1.0, turned=page.turned)
 
 
-def _draw_stations(axes: Axes, result: Result, page: Page, mm: float) -> None:
-    """Draw ticks with their arclength across the road's centre."""
+def _draw_stations(axes: Axes, result: Result, page: Page, mm: float, taken: list[BaseGeometry]) -> None:
+    """Draw ticks with their arclength across the road's centre; without it where ``taken`` has a letter."""
     path, (left, _) = result.drive.road.path, shown_reach(result)
     step = next((step for step in _TICKS_M if step / mm >= _TICK_MM), _TICKS_M[-1])
     for s in np.arange(np.ceil(page.s_from / step), np.floor(page.s_to / step) + 1) * step:
@@ -132,6 +175,8 @@ def _draw_stations(axes: Axes, result: Result, page: Page, mm: float) -> None:
         ends = page.turned(np.column_stack(path.to_plane(np.full(5, s), offsets)))
         for tick in (ends[:2], ends[2:4]):
             axes.plot(*tick.T, color=INK, linewidth=0.5, zorder=5)
+        if any(shapely.Point(ends[4]).distance(line) < _FREE_MM * mm for line in taken):
+            continue
         axes.text(
             float(ends[4, 0]), float(ends[4, 1]), f"{s:.0f}", fontsize=_TINY, color=INK, ha="center", va="center", zorder=7, clip_on=True
         )

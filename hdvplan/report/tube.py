@@ -14,6 +14,8 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.straying import SPACING_M, Posed, chain_of
 from hdvplan.judging.tracked import BRUSH, Tracked
 
+_TEETH_M = 0.3  # between the outlines of two poses: filled, which shows no less than the bound
+
 
 def tubes_of(result: Result, stretches: Sequence[tuple[float, float]]) -> list[BaseGeometry]:
     """Return what bodies sweep at most with the largest tracking error, in the plane, for each stretch; nothing where the plan allows none.
@@ -32,7 +34,7 @@ def tubes_of(result: Result, stretches: Sequence[tuple[float, float]]) -> list[B
     tracked.bounded(tracking.error)
     tracked.follow(front[shown])
     outlines = _outlines(tracked, Posed(s[shown], poses[shown], front[shown]))
-    return [shapely.union_all(outlines[one[shown]]) for one in within]
+    return [shapely.union_all(outlines[one[shown]]).buffer(_TEETH_M).buffer(-_TEETH_M) for one in within]
 
 
 def _outlines(tracked: Tracked, posed: Posed) -> NDArray[np.object_]:

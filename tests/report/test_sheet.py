@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from io import BytesIO
-from itertools import pairwise
-from typing import cast
+from itertools import combinations, pairwise
+from typing import Any, cast
 
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 from pypdf import PdfReader
 from pypdf.generic import DictionaryObject
 
@@ -14,6 +17,7 @@ from hdvplan.answers import NEEDS, NO
 from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
+from hdvplan.report import sheet
 from hdvplan.report.paper import SCALES, Page, SheetOptions, pages_of
 from hdvplan.report.sheet import sheet_bytes
 from hdvplan.report.sheetmap import inset_scale
@@ -118,4 +122,51 @@ def test_enlarged_places_show_what_the_driver_may_err(kerbed: Result, straight: 
         contents = page.get_contents()
         assert contents is not None
         assert (b" 0.75 g" in contents.get_data()) is shown
-        assert ("the grey band where enlarged" in " ".join(page.extract_text().split())) is shown
+        assert ("with the driver's error, where enlarged" in " ".join(page.extract_text().split())) is shown
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("paper", "stamps"), [("a4", 0), ("a4", 6), ("a3", 10)])
+def test_no_text_lies_on_another_or_beyond_its_frame(
+    monkeypatch: pytest.MonkeyPatch, bus: Result, kerbed: Result, trailer: Result, long: Result, paper: str, stamps: int
+) -> None:
+    figures: list[Figure] = []
+    draw = sheet._figure
+
+    def kept(*given: Any) -> Figure:  # noqa: ANN401 - what is passed on
+        figures.append(draw(*given))
+        return figures[-1]
+
+    monkeypatch.setattr(sheet, "_figure", kept)
+    written = tuple((f"number {at}", "an office of consulting engineers and surveyors" * (at % 2)) for at in range(stamps))
+    for result in (bus, kerbed, trailer, long):
+        sheet_bytes(result, SheetOptions(paper, None, written), date="2026-11-22")
+    assert len(figures) >= 4
+    for figure in figures:
+        figure.canvas.draw()
+        for axes in figure.axes:
+            frame = axes.get_window_extent()
+            texts = [text for text in axes.findobj(Text) if text.get_text() and text.get_visible()]
+            drawn = [text for text in texts if not text.get_clip_on() or text.get_window_extent().overlaps(frame)]
+            boxes = {text.get_text(): text.get_window_extent() for text in drawn}
+            for (one, first), (other, second) in combinations(boxes.items(), 2):
+                shared = Bbox.intersection(first, second)
+                assert shared is None or min(shared.width, shared.height) < 1.0, f"{one!r} on {other!r}"  # letters have air around them
+            for text, box in boxes.items():
+                shared = Bbox.intersection(box, frame)
+                assert shared is not None
+                assert shared.width > box.width - 1.0, f"{text!r} is cut at the frame"
+                assert shared.height > box.height - 1.0, f"{text!r} is cut at the frame"
+
+
+def test_stamps_are_written_and_those_without_a_name_refused(bus: Result) -> None:
+    options = SheetOptions.named("a3", None, ["project=Line 18 = new", "checked by="])
+    assert options.stamps == (("project", "Line 18 = new"), ("checked by", ""))
+    text = PdfReader(BytesIO(sheet_bytes(bus, options, date="2026-11-22"))).pages[0].extract_text()
+    for words in ("project", "Line 18 = new", "checked by", "of its range"):
+        assert words in text
+    for stamp in ("project", "=Line 18"):
+        with pytest.raises(OptionError, match="is not NAME=TEXT"):
+            SheetOptions.named("a3", None, [stamp])
+    with pytest.raises(OptionError, match="room for 10 stamps"):
+        SheetOptions("a3", None, tuple((str(number), "") for number in range(11)))
