@@ -48,7 +48,7 @@ FIGURES = (
     Figure(README, "U-turn at {} / {} m (published {} / {}), the roundabout at {} / {} m ({} / {})", tables.uturn_and_roundabout),
     Figure(
         README,
-        "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, one QP a step). HPIPM takes {} and {} times as long, "
+        "takes {} ms for the bus and {} ms for the tractor-trailer (ten roads, no limit active). HPIPM takes {} and {} times as long, "
         "acados {} and {}, PIQP {} and {} (",
         tables.readme_speed,
     ),

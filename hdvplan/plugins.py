@@ -15,11 +15,13 @@ from hashlib import file_digest, sha256
 from importlib import import_module, metadata
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from traceback import extract_tb
 
 from hdvplan.errors import HdvplanError, OptionError, SolverError
 
 _REFERENCE = re.compile(r"(?P<home>.+):(?P<name>[^\W\d]\w*)")
 _DIGITS = 16  # of a digest in hexadecimal
+_OURS = Path(__file__).resolve().parent
 
 
 @dataclass(frozen=True)
@@ -67,9 +69,11 @@ def _called(kind: Kind, name: str, get: Callable[[], object]) -> Callable[..., o
     try:
         found = get()
     except (Exception, SystemExit) as error:
-        if isinstance(error, ModuleNotFoundError) and error.name and home.startswith(error.name):
+        if isinstance(error, ModuleNotFoundError) and home.endswith(".py"):
+            hint = "a file is loaded by itself: what it imports must be installed, or in a folder of PYTHONPATH"
+        elif isinstance(error, ModuleNotFoundError) and error.name and home.startswith(error.name):
             hint = "install the package, or name its file: file.py:name"
-        msg = f"{kind.word} {name!r} cannot be loaded: {error_text(error)}"
+        msg = f"{kind.word} {name!r} cannot be loaded: {error_text(error)}{raised_at(error)}"
         raise kind.error(msg, hint=hint) from error
     if not callable(found):
         msg = f"{kind.word} {name!r} cannot be called: it is of type {type(found).__name__}"
@@ -81,6 +85,13 @@ def error_text(error: BaseException) -> str:
     """Return an error of somebody else's code as a phrase: its kind, and what it says in its first line."""
     lines = str(error).strip().splitlines()
     return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+
+
+def raised_at(error: BaseException) -> str:
+    """Return which line of somebody else's file raised an error, or what it came from, in brackets; "" where none did."""
+    steps = [step for step in extract_tb((error.__cause__ or error).__traceback__) if _OURS not in Path(step.filename).parents]
+    own = [step for step in steps if not {"site-packages", "importlib"} & {*Path(step.filename).parts} and step.filename[:1] != "<"]
+    return f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
 
 
 def _file(path: Path) -> object:

@@ -21,7 +21,7 @@ from hdvplan.bench.measuring.recording import LIMITS, Recorded, record
 from hdvplan.case import Case
 from hdvplan.errors import QpDataError
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.plugins import error_text
+from hdvplan.plugins import error_text, raised_at
 from hdvplan.qp.program import NAMES, StageQp, StageSolution
 from hdvplan.qp.workspace import QpWorkspace, Status, WorkspaceMaker, residuals
 from hdvplan.road.scenarios import SCENARIOS
@@ -88,7 +88,7 @@ def _found(rule: Rule, make: WorkspaceMaker) -> Finding:
     try:
         return rule(make, samples())
     except Exception as error:  # noqa: BLE001 - an author's code may raise anything
-        return Finding(_title(rule), kept=False, said=error_text(error))
+        return Finding(_title(rule), kept=False, said=f"{error_text(error)}{raised_at(error)}")
 
 
 def same_optimum(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:

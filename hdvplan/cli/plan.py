@@ -10,7 +10,7 @@ import typer
 
 from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, smoothed, vehicle_named, warn_no_side
 from hdvplan.cli.completion import one_of
-from hdvplan.cli.console import progress, writing
+from hdvplan.cli.console import note, progress, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.legs import LAST, LEAD, finish, legs_in
 from hdvplan.cli.lengthy import plan_long
@@ -207,6 +207,7 @@ def _write_centreline(asked: _Asked, result: Result, target: Path) -> None:
     line = shapely.LineString(np.column_stack(drive.stations.path.to_plane(drive.stations.s[: len(drive.z)], drive.z[:, 0])))
     with writing(f"to {target}"):
         write_atomically(target, with_centreline(Path(asked.road), asked.reading.road_ids, map_system(drive.road).place(line)))
+    note(f"the map with the driven line: {target}", quiet=asked.output.quiet)
 
 
 def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int:

@@ -150,8 +150,8 @@ def answered(template: Template, vehicle: str, site: SiteOptions, output: Output
 
     kinds = output.kinds(PICTURES, TURN_DRAWINGS)
     driven = vehicle_named(vehicle, quiet=output.quiet)
-    with progress(f"looking for a manoeuvre of {driven.name}", quiet=output.quiet):
-        answer = reversing(driven, template, site, starts=starts, all_legs=called == "need")
+    with progress(f"looking for a manoeuvre of {driven.name}", quiet=output.quiet) as on_progress:
+        answer = reversing(driven, template, site, starts=starts, all_legs=called == "need", on_progress=on_progress)
     suffix = ".need" if called == "need" else ""
     directory = output.out or Path(f"{file_name(f'{template}.{driven.name}')}{suffix}")
     with writing(f"to {directory}"):

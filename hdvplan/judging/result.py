@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, running
 from hdvplan.case import Case
 from hdvplan.centring.stationary import Centring
 from hdvplan.centring.weights import CentringTable
@@ -146,11 +146,12 @@ class Result:
     def clearance(self) -> FloatArray | None:
         """Least room to any limit at the envelope's arclengths, negative where one is broken, shape (n,) [m]; None without limits.
 
+        It is that of a station and its neighbours: from pose to pose a corner may pass by the kerb beside a station.
         What is least at an obstacle is its distance in the plane, as in ``approaches``.
         """
         if not self.gaps or self.balance.min_clearance is None:
             return None
-        least: FloatArray = np.min(np.concatenate([*self.gaps.values()]), axis=0)
+        least = running(np.minimum, np.min(np.concatenate([*self.gaps.values()]), axis=0), 1, 1)
         for near in self.approaches:
             if 0.0 <= near.s <= self.drive.road.path.length:
                 at = int(np.argmin(np.abs(self.envelope.s - near.s)))

@@ -36,7 +36,7 @@ Json = dict[str, Any]
 def swept_geojson(result: Result) -> Json:
     """Return a FeatureCollection: one (Multi)Polygon a body, lines for limits and their breaches, the road's centre, regions, tracks.
 
-    The tracks are those of ``hdvplan.judging.bodies``, one line a wheel.
+    The driven line is that of the lead unit's rear axle. The tracks are those of ``hdvplan.judging.bodies``, one line a wheel.
     Every feature carries its colours as simplestyle properties (github.com/mapbox/simplestyle-spec), which geojson.io and
     GitHub draw by; in QGIS they are fields for data-defined styles.
     Longitude and latitude, rounded to 1e-7 degrees, where the road has them; else planar metres, rounded to 1 mm.
@@ -70,6 +70,8 @@ def swept_features(result: Result, areas: Sequence[BaseGeometry] | None = None, 
             simple_line(_points(road.path, s, np.zeros(len(s))), _SIMPLER_M), road, common | {"kind": "road centre"} | _line_style(MUTED, 1)
         )
     )
+    driven = _points(drive.stations.path, drive.poses_s, drive.poses_z[:, 0])
+    features.append(feature(simple_line(driven, _SIMPLER_M), road, common | {"kind": "driven line"} | _line_style(INK, 1), fine=True))
     features += [region_feature(region, road, common) for region in road.regions]
     for track in wheel_tracks(drive):
         wheel, line = track.wheel, simple_line(track.points, _SIMPLER_M)

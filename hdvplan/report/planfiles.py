@@ -60,7 +60,7 @@ def read_plan(directory: Path) -> PlanFiles:
         raise OptionError(msg) from error
     if not (directory / "summary.json").is_file():
         what = f"{directory} has no plan: summary.json is missing" if directory.is_dir() else f"{directory} is not a folder"
-        raise OptionError(what, hint="give folders that `hdvplan plan` has written")
+        raise OptionError(what, hint="give folders that `hdvplan plan` has written; those of several vehicles are in its DIR: DIR/*/")
     try:
         summary, regions = (read_json(directory / f"{name}.json") for name in ("summary", "regions"))
         _check_summary(summary)

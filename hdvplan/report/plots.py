@@ -17,8 +17,7 @@ from hdvplan.report.atlas import draw_atlas
 from hdvplan.report.colours import BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.rooms import FEW_BELOW_M, Window, breach_place, tightest_windows
-from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, plain_decades, styled, write_head
-from hdvplan.report.summary import step_times_ms
+from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, styled, write_head
 
 Panel = Callable[[Axes, Result, Window], None]
 _SHADE = "0.90"
@@ -42,7 +41,7 @@ def plan_figure(result: Result) -> Figure:
         _draw_profiles(profiles, result, windows)
     title, colour = verdict_title(result, verdict), answer_colour(fits=verdict.fits)
     write_head(figure, title, colour, size="x-large", notice=drive.road.notice)
-    figure.text(0.99, 0.985, result.origin, ha="right", va="top", fontsize="x-small", color=MUTED)
+    figure.text(0.99, 0.008, result.origin, ha="right", va="bottom", fontsize="x-small", color=MUTED)
     return figure
 
 
@@ -52,7 +51,7 @@ def _panels(result: Result) -> list[Panel]:
 
 def _draw_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
     """Draw everything over the road's whole length, the enlarged stretches shaded."""
-    draw = [*_panels(result), *([_draw_times] if result.planned else [])]
+    draw = _panels(result)
     cells = figure.add_gridspec(len(draw), 1, height_ratios=[1.5] + [1.0] * (len(draw) - 1))
     first: Axes | None = None
     for number, draw_panel in enumerate(draw):
@@ -65,15 +64,13 @@ def _draw_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...
 
 
 def _draw_long_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
-    """Draw reach and step times over the whole length of a road on which bends are but spikes; the rest where it is enlarged."""
+    """Draw the reach over the whole length of a road on which bends are but spikes; the rest where it is enlarged."""
     draw = _panels(result)
-    over_all: list[Panel] = [_draw_envelope, *([_draw_times] if result.planned else [])]
-    grid = figure.add_gridspec(1 + len(over_all), 1, height_ratios=[1.1, 0.8 + len(draw), 0.9][: 1 + len(over_all)])
-    for number, draw_panel in enumerate(over_all):
-        axes = figure.add_subplot(grid[2 * number])
-        draw_panel(axes, result, _whole(result))
-        _finish_whole(axes, result, windows, named=number == 0)
-        axes.set_xlabel("arclength s [m]", labelpad=1.0)
+    grid = figure.add_gridspec(2, 1, height_ratios=[1.1, 0.8 + len(draw)])
+    axes = figure.add_subplot(grid[0])
+    _draw_envelope(axes, result, _whole(result))
+    _finish_whole(axes, result, windows, named=True)
+    axes.set_xlabel("arclength s [m]", labelpad=1.0)
     cells = grid[1].subgridspec(len(draw), len(windows), height_ratios=[1.5] + [1.0] * (len(draw) - 1))
     for row, draw_panel in enumerate(draw):
         first: Axes | None = None
@@ -213,22 +210,6 @@ def _draw_articulation(axes: Axes, result: Result, window: Window) -> None:
         axes.plot(s[shown], driven[shown], color=body_colour(1 + coupling), linewidth=1.3, label=label)
         _plot_expected(axes, expected_s[expected_shown], geometric[expected_shown], "geometric" if coupling == 0 else None)
     axes.set_ylabel("articulation [deg]")
-
-
-def _draw_times(axes: Axes, result: Result, _window: Window) -> None:
-    """Draw the time of every planning step where it was planned; a step that was not solved is crossed."""
-    drive, times = result.drive, step_times_ms(result)
-    at = drive.stations.s[[plan.first for plan in drive.plans]]
-    total = 1e3 * np.array([plan.times.total for plan in drive.plans])
-    usable = np.array([plan.usable for plan in drive.plans])
-    axes.plot(at, total, linestyle="none", marker="o", markersize=2.5, color=body_colour(0), alpha=0.7, label="one step")
-    if not np.all(usable):
-        axes.plot(at[~usable], total[~usable], linestyle="none", marker="X", color=BREACH, markersize=6, label="not solved")
-    label = f"mean {times['mean']:.2f}, p99 {times['p99']:.2f}, max {times['max']:.2f} ms"
-    axes.axhline(times["mean"], color=MUTED, linewidth=1.0, label=label)
-    axes.set_yscale("log")  # always: pictures of different plans are looked at together
-    plain_decades(axes, "y")
-    axes.set_ylabel("step time [ms]")
 
 
 def _plot_expected(axes: Axes, s: FloatArray, values: FloatArray, label: str | None = None) -> None:

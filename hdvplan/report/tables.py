@@ -61,21 +61,23 @@ def planning_table(summary: Json, directory: str) -> Table:
 
 
 def breach_table(breaches: Sequence[Json], *, two_regions: bool) -> Table:
-    """Return the first of a summary's broken limits in order of s; the region only where overhangs have separate limits."""
+    """Return the deepest of a summary's broken limits in order of s; the region only where overhangs have separate limits."""
+    deepest = sorted(range(len(breaches)), key=lambda number: -breaches[number]["depth_m"])[:MOST_BREACHES]
+    listed = [breaches[number] for number in sorted(deepest)]
     columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "side", "body", "part"]
     rows = []
-    for breach in breaches[:MOST_BREACHES]:
+    for breach in listed:
         place = [f"{breach[name]:.1f}" for name in ("s_from", "s_to", "s_deepest")]
         rows.append([*place, f"{breach['depth_m']:.3f}", breach["side"], breach["unit"], breach["part"]])
         if two_regions:
             rows[-1].append(breach["region"])
     if two_regions:
         columns.append("region")
-    if any(breach["obstacle"] is not None for breach in breaches):
+    if any(breach["obstacle"] is not None for breach in listed):
         columns.append("obstacle")
-        for row, breach in zip(rows, breaches, strict=False):
+        for row, breach in zip(rows, listed, strict=True):
             row.append("-" if breach["obstacle"] is None else breach["obstacle"] or "unnamed")
-    title = f"broken limits ({len(rows)} of {len(breaches)})" if len(breaches) > len(rows) else "broken limits"
+    title = f"broken limits (the deepest {len(rows)} of {len(breaches)})" if len(breaches) > len(rows) else "broken limits"
     return grid(title, columns, rows, text=("side", "body", "part", "region", "obstacle"))
 
 

@@ -37,7 +37,7 @@ HALF_WIDTH_M = 4.5  # more only where the vehicle's balanced circle needs it
 _SPARE_M = 0.5
 _ROUNDS = 2
 
-_MACHINE = "other machine, compiled Python for MATLAB, other roads"
+_MACHINE = "other machine, C for MATLAB, other roads"
 
 
 def timing(on_progress: Progress, roads: tuple[str, ...] = ROADS) -> Study:

@@ -160,6 +160,8 @@ def _stops(lanelets: dict[str, Any], road_ids: str | Sequence[str] | None, name:
     found = [[lanelets[way] for way in (one, f"-{one}") if way in lanelets] for one in wanted]
     unknown = next((one for one, ways in zip(wanted, found, strict=True) if not ways), None)
     if unknown is not None:
-        msg = f"{name}: vehicles drive no lanelet {unknown!r}; there are {listed}"
+        one_way = unknown.startswith("-") and unknown[1:] in there
+        what = f"lanelet {unknown[1:]} is one-way" if one_way else f"vehicles drive no lanelet {unknown!r}; there are {listed}"
+        msg = f"{name}: {what}"
         raise RoadError(msg)
     return found

@@ -92,9 +92,8 @@ def test_the_command_prints_every_rule_and_fails_with_one(capsys: pytest.Capture
     assert sum(line.startswith("ok ") for line in lines) == len(CONTRACT)
     assert run(["solvers", "--check", "tests.bench.test_contract:Late", "--json"]) == 1
     findings = json.loads(capsys.readouterr().out)
-    assert {finding["said"] for finding in findings} >= {
-        "SolverError: solver 'tests.bench.test_contract:Late' raises ZeroDivisionError: late"
-    }
+    said = "SolverError: solver 'tests.bench.test_contract:Late' raises ZeroDivisionError: late (test_contract.py, line "
+    assert any(finding["said"].startswith(said) for finding in findings)
     assert run(["solvers", "--check", "nosuch"]) == 2
 
 

@@ -66,6 +66,13 @@ def test_a_solver_that_fails_later_takes_no_win_by_the_steps_that_it_did_fast() 
     assert told.text == "bus, rti: riccati is the only solver with all its steps accepted, 1 ms a step; not ranked with it: hasty"
 
 
+def test_a_solver_that_drives_another_path_is_not_said_to_lack_accepted_steps() -> None:
+    told = finding(tables(riccati=[made_up([0.1, 0.001])], aside=[made_up([0.1, 0.0001], shift=0.05)]))
+    assert told.text == (
+        "bus, rti: riccati is the only solver with every status ok and every step accepted, 1 ms a step; not ranked with it: aside"
+    )
+
+
 def test_a_solver_that_its_budget_stopped_is_compared_over_the_steps_that_both_did() -> None:
     found = tables(slow=[made_up([0.1, 0.010], outcome=OVER_BUDGET, shift=None)], riccati=[made_up([0.1, 0.001, 0.009])])
     assert finding(found).ratio == pytest.approx(10.0)

@@ -118,3 +118,5 @@ def test_coefficients_of_too_few_stations_are_refused() -> None:
     short = np.ones(3)
     with pytest.raises(OptionError, match=r"a residual has one coefficient a station, in arrays of shape \(\d+,\), not \(3,\)"):
         hdvplan.plan(replace(CASE, objective=with_term(Centring(Residual(short, short, short)))))
+    with pytest.raises(OptionError, match=r"not \(\), \(\), \(\)"):
+        hdvplan.plan(replace(CASE, objective=with_term(Centring(Residual(1.0, 0.0, 0.0)))))  # type: ignore[arg-type] # what people write

@@ -9,11 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hdvplan.api import plan
+from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import Column, settle, table_bytes, write_atomically
 from hdvplan.judging.result import Result
 from hdvplan.report.files import Table, drawn_bytes, envelope_table, path_table, profile_table, steps_table, write_plan
 from hdvplan.report.planfiles import read_plan
+from hdvplan.road.load import load_road
+from hdvplan.vehicle.load import load_vehicle
 
 
 def test_the_summary_is_there_last(bus: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,6 +140,15 @@ def test_the_profile_holds_what_drawings_need(kerbed: Result, trailer: Result) -
     table = read_back(profile_table(trailer))
     assert table["clearance"].isna().all()  # no limits
     assert {"expected_beta1", "left2", "right2", "road_curvature"} <= set(table.columns)
+
+
+def test_the_room_over_s_does_not_jump_where_a_corner_passes_a_station_between_two_poses() -> None:
+    """Where the lead axle is centred alone, a front corner follows the outer limit through half a U-turn."""
+    result = plan(Case(load_road("uturn"), load_vehicle("bus"), "lead-axle"))
+    clearance = result.clearance
+    assert clearance is not None
+    assert np.max(np.abs(np.diff(clearance))) < 0.15  # a corner at 45 degrees to a kerb comes nearer by 0.18 m in a station's 0.25 m
+    assert np.min(clearance) == result.balance.min_clearance
 
 
 def test_every_planning_step_is_a_row_with_its_times(bus: Result) -> None:

@@ -35,6 +35,7 @@ def test_limits_and_their_breaches_are_lines_of_their_own(kerbed: Result, straig
         *["limit", "limit of overhangs"] * 2,
         *["broken limit"] * len(breaches),
         "road centre",
+        "driven line",
         *["wheel track"] * 4,
     ]
     depths = {feature["properties"]["depth_m"] for feature in features(kerbed) if feature["properties"]["kind"] == "broken limit"}

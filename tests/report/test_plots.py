@@ -33,9 +33,9 @@ def metres_an_inch(axes: Axes) -> float:
     return float(np.ptp(axes.get_xlim()) / (axes.get_window_extent().width / figure.dpi))
 
 
-def test_a_single_body_has_a_map_an_envelope_a_curvature_and_step_times(bus: Result) -> None:
+def test_a_single_body_has_a_map_an_envelope_and_a_curvature(bus: Result) -> None:
     figure = drawn(bus)
-    assert labels(figure) == {"", "reach", "curvature", "step time"}
+    assert labels(figure) == {"", "reach", "curvature"}
     assert figure.axes[0].get_aspect() == 1.0  # to scale
     assert figure.get_suptitle() == verdict_title(bus, verdict_of(bus))
     assert any("RTI" in text.get_text() and "geometric" in text.get_text() for text in figure.texts)
@@ -43,7 +43,7 @@ def test_a_single_body_has_a_map_an_envelope_a_curvature_and_step_times(bus: Res
 
 def test_an_articulated_vehicle_shows_its_articulation_and_the_road_its_notice(trailer: Result) -> None:
     figure = drawn(trailer)
-    assert labels(figure) == {"", "reach", "curvature", "articulation", "step time"}
+    assert labels(figure) == {"", "reach", "curvature", "articulation"}
     assert figure.get_supxlabel() == "© the surveyors"
 
 

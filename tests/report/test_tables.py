@@ -81,11 +81,13 @@ def test_the_region_is_told_only_where_overhangs_have_limits_of_their_own(kerbed
     assert breach_text(broken, breach) == "the front corner of the bus breaks the left limit by 0.100 m at s = 11.0 m"
 
 
-def test_many_breaches_are_cut_to_the_first_ones_and_counted(bus: Result) -> None:
-    breaches = tuple(Breach(i, i + 1.0, i + 0.5, 0.1, "right", 0, "rear axle", "sweepable", (i + 0.5, -1.0)) for i in range(25))
+def test_of_many_breaches_the_deepest_are_listed_in_road_order(bus: Result) -> None:
+    depths = [0.1 + 0.01 * i for i in range(25)]
+    breaches = tuple(Breach(i, i + 1.0, i + 0.5, depths[i], "right", 0, "rear axle", "sweepable", (i + 0.5, -1.0)) for i in range(25))
     lines = breaches_of(replace(bus, balance=replace(bus.balance, breaches=breaches)))
-    assert lines[0].strip() == f"broken limits ({MOST_BREACHES} of 25)"
-    assert sum("right" in line for line in lines) == MOST_BREACHES
+    assert lines[0].strip() == f"broken limits (the deepest {MOST_BREACHES} of 25)"
+    rows = [line.split() for line in lines if "right" in line]
+    assert [float(row[0]) for row in rows] == [float(i) for i in range(25 - MOST_BREACHES, 25)]
 
 
 def test_no_value_and_no_heading_can_end_a_cell_or_a_row() -> None:

@@ -112,7 +112,8 @@ def test_a_driven_line_is_the_centreline_of_the_lanelets_that_it_crosses(written
         (None, "4 lanelets that vehicles drive, and none is chosen: 1, 2, 3, 4"),
         ("1,9", "vehicles drive no lanelet '9'; there are 1, 2, 3, 4"),
         ("5", "vehicles drive no lanelet '5'"),
-        ("-1", "vehicles drive no lanelet '-1'"),
+        ("-1", "lanelet 1 is one-way"),
+        ("-9", "vehicles drive no lanelet '-9'"),
         ("3,1", "no way leads from lanelet 3 to 1"),
     ],
 )

@@ -171,6 +171,8 @@ def _finding(group: pd.DataFrame, load: Load) -> Finding:
     if able.empty:
         best = group.sort_values(["whole", "success"], ascending=False, kind="stable").iloc[0]
         accepted = f"has all its {unit}s accepted; {best['solver']} has {_share(best['success'])}"
+        if best["whole"] and best["success"] == 1.0:
+            accepted = f"is ranked; {best['solver']} has all its {unit}s accepted, but a status that is not ok in the table of timing"
         return found(f"no winner: no solver {accepted if best['whole'] else 'finished within its budget'}", None)
     winner, took = able.iloc[0], f"{able.iloc[0]['step_ms']:.3g} ms a {unit}"
     solver, won, steps = str(winner["solver"]), float(winner["won"]), int(winner["distinct_steps"])
@@ -184,7 +186,9 @@ def _finding(group: pd.DataFrame, load: Load) -> Finding:
     second = able.iloc[1] if len(able) > 1 else stopped.iloc[0] if len(stopped) else None
     level = BUSY_LEVEL if load.warning else LEVEL
     if second is None or (not second["proved"] and second["ratio"] < level):  # nobody who leaves steps out can draw level
-        return found(f"{solver} is the only solver with all its {unit}s accepted, {took}{failed}", solver, won=won)
+        others = group[group["whole"].astype(bool) & (group["success"] == 1.0) & (group["solver"] != solver)]
+        only = f"with all its {unit}s accepted" if others.empty else "with every status ok and every step accepted"
+        return found(f"{solver} is the only solver {only}, {took}{failed}", solver, won=won)
     rival, ratio = str(second["solver"]), float(second["ratio"])
     differ = np.max([winner["path_difference_m"], second["path_difference_m"]])  # NaN where one has no whole drive
     apart = float(differ) if np.isfinite(differ) else None

@@ -62,8 +62,9 @@ class Centring(Term):
     def part(self, scene: Scene, columns: Columns) -> CentringPart:  # noqa: ARG002 - needs no column of its own
         """Return the term as part of the program: see ``Term``."""
         residual, vehicle, count = self.residual, scene.vehicle, len(scene.stations.s)
-        if not residual.lead.shape == residual.aux.shape == residual.target.shape == (count,):
-            shapes = ", ".join(str(one.shape) for one in (residual.lead, residual.aux, residual.target))
+        found = [np.shape(one) for one in (residual.lead, residual.aux, residual.target)]
+        if found != 3 * [(count,)]:
+            shapes = ", ".join(map(str, found))
             msg = f"a residual has one coefficient a station, in arrays of shape ({count},), not {shapes}"
             raise OptionError(msg)
         unit, stages = residual.axle % len(vehicle.units), scene.settings.stages + 1

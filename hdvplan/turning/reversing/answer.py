@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -127,11 +129,19 @@ def bow(vehicle: Vehicle, leg: DrivenLeg) -> float:
     return float(np.hypot(change[..., 0], change[..., 1]).max() * h.max() ** 2 / 8.0)
 
 
-def reversing(vehicle: Vehicle, template: Template, options: SiteOptions, *, starts: int, all_legs: bool = False) -> Answer:
+def reversing(
+    vehicle: Vehicle,
+    template: Template,
+    options: SiteOptions,
+    *,
+    starts: int,
+    all_legs: bool = False,
+    on_progress: Callable[[float], None] | None = None,
+) -> Answer:
     """Return the manoeuvre of ``template`` with the fewest legs that fits in the given size or, where none is given, its least size.
 
     Half turns have three legs unless one or five are needed; ``all_legs`` tries all of these, and names the best of three. Every search is
-    made from ``starts`` starts, always the same ones; a dock needs none.
+    made from ``starts`` starts, always the same ones; a dock needs none. ``on_progress`` receives the share of the searches that are done.
 
     Raises:
         TurnError: the vehicle has more trailers than the manoeuvre is made for.
@@ -146,9 +156,11 @@ def reversing(vehicle: Vehicle, template: Template, options: SiteOptions, *, sta
         return Answer(template, vehicle, options, (docked,), docked)
     tried: list[Tried] = []
     errors: list[TurnError] = []
-    for legs in _LEGS[template] if size is not None or all_legs else (_OWN_LEGS,):
+    numbers = _LEGS[template] if size is not None or all_legs else (_OWN_LEGS,)
+    for number, legs in enumerate(numbers):
+        part = None if on_progress is None else partial(_told, on_progress, number, len(numbers))
         try:
-            tried.append(_half_turned(site, vehicle, legs, starts))
+            tried.append(_half_turned(site, vehicle, legs, starts, part))
         except TurnError as error:  # another number of legs may do
             errors.append(error)
             continue
@@ -161,6 +173,10 @@ def reversing(vehicle: Vehicle, template: Template, options: SiteOptions, *, sta
     return Answer(template, vehicle, options, tuple(tried), own)
 
 
+def _told(on_progress: Callable[[float], None], number: int, count: int, share: float) -> None:
+    on_progress((number + share) / count)
+
+
 def _check_trailers(vehicle: Vehicle, template: Template) -> None:
     most = 2 if template.docks else 1
     if len(vehicle.units) > most:
@@ -169,14 +185,14 @@ def _check_trailers(vehicle: Vehicle, template: Template) -> None:
         raise TurnError(msg, hint=None if template.docks else "dock-90 and dock-45 take one trailer")
 
 
-def _half_turned(site: Site, vehicle: Vehicle, legs: int, starts: int) -> Tried:
+def _half_turned(site: Site, vehicle: Vehicle, legs: int, starts: int, on_progress: Callable[[float], None] | None) -> Tried:
     """Return the best half turn of so many legs that keeps off all blocks between its poses, too.
 
     Raises:
         TurnError: none does.
 
     """
-    found, errors = half_turns_in(site, vehicle, legs, starts), list[TurnError]()
+    found, errors = half_turns_in(site, vehicle, legs, starts, on_progress), list[TurnError]()
     for one in found:
         try:
             manoeuvre = _judged(site, vehicle, _legs_of(site, vehicle, legs, one.parameters))

@@ -75,8 +75,10 @@ class Measured:
         return Found(parameters, base + float(self.size[0]), float(self.entered[0]))
 
 
-def half_turns_in(site: Site, vehicle: Vehicle, legs: int, starts: int) -> tuple[Found, ...]:
-    """Return what ``starts`` searches for a half turn of so many ``legs`` found, the smallest first."""
+def half_turns_in(
+    site: Site, vehicle: Vehicle, legs: int, starts: int, on_progress: Callable[[float], None] | None = None
+) -> tuple[Found, ...]:
+    """Return what ``starts`` searches for a half turn of so many ``legs`` found, the smallest first; ``on_progress``: their share."""
     family, wheels = half_turn(site.template, vehicle, legs), wheels_at_stop(vehicle)
 
     def measured(parameters: FloatArray, parts: int) -> Measured:
@@ -91,6 +93,8 @@ def half_turns_in(site: Site, vehicle: Vehicle, legs: int, starts: int) -> tuple
         rough = _global(cost, family.low, family.high, seed)
         smooth = _polished(partial(measured, parts=_FINER), rough, family.low, family.high, _FINER + 1)
         found.append(measured(smooth[:, None], _FINEST).found(smooth, site.base))
+        if on_progress is not None:
+            on_progress((seed + 1) / starts)
     return tuple(sorted(found, key=lambda one: (not one.kept, one.size if one.kept else one.entered)))
 
 

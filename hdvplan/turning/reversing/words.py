@@ -10,6 +10,7 @@ from hdvplan.turning.reversing.options import Template
 from hdvplan.vehicle.model import Vehicle
 
 _TOLD_M = 0.01
+_STANDING = "; the front wheels turn while it stands, else it needs more"
 
 
 def verdict(answer: Answer) -> str:
@@ -30,13 +31,12 @@ def details(answer: Answer) -> str:
         formula = closed_form(answer.vehicle, answer.template, chosen)
         formula_text = "" if formula is None else f", {formula:.2f} m by formula"
         out = f"out, it drives {straight_out(chosen):.2f} m straight to pass its neighbours, then turns at full lock{formula_text}"
-        return f"{out}; less may do where it swings out: nothing is proved impossible"
+        return f"{out}; less may do where it swings out: nothing is proved impossible{_STANDING}"
     which = "which found" if len(sizes) == chosen.starts else f"{len(sizes)} of which found a way, in"
     over = chosen.manoeuvre.over_kerbs
     kerbs = f"; bodies reach {over:.2f} m over kerbs" if over >= _TOLD_M else ""
-    return (
-        f"the best of {chosen.starts} starts, {which} {sizes[0]:.2f} to {sizes[-1]:.2f} m; less may do: nothing is proved impossible{kerbs}"
-    )
+    best = f"the best of {chosen.starts} starts, {which} {sizes[0]:.2f} to {sizes[-1]:.2f} m; less may do: nothing is proved impossible"
+    return f"{best}{kerbs}{_STANDING}"
 
 
 def refusal(answer: Answer) -> str:
