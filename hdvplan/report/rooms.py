@@ -21,6 +21,7 @@ from hdvplan.report.kerbs import kerb_lines
 from hdvplan.road.path import project_many
 from hdvplan.vehicle.model import Vehicle
 
+_NEARLY_M = 0.5  # more room than at the tightest place: what is wider is not worth enlarging
 _FAR_M = 5.0  # what is further away is not tight, where anything else is: roads without widths are open far out
 _FAR_REACHES = 2.0  # limits further out than this many reaches need no place in a drawing
 _LABELS = "ABCD"  # of a long road's enlargements; a shorter one gets the first two
@@ -218,12 +219,17 @@ def tightest_windows(result: Result) -> tuple[Window, ...]:
     if length <= LONG_ROAD_M:
         half = min(half, max(_OF_SHORT * length, _SHORT_HALF_M))
     labels, windows = _LABELS[: 2 if length < FEW_BELOW_M else None], []
-    for label, at in zip(labels, sorted(peaks(result.envelope.s, tightness(result), 2.0 * half, len(labels))), strict=False):
+    for label, at in zip(labels, sorted(peaks(result.envelope.s, nearly(tightness(result)), 2.0 * half, len(labels))), strict=False):
         room = room_at(result, at)
         middle = min(max(room.s, half), max(length - half, half))
         what = room.text if not room.broken or room.obstacle is not None else f"limit broken by {room.depth:.2f} m"
         windows.append(Window(middle - half, min(middle + half, length), label, f"{what} at s = {room.s:.0f} m", room))
     return tuple(windows)
+
+
+def nearly(score: FloatArray) -> FloatArray:
+    """Return the scores of the tightest place and of those nearly as tight; minus infinity for the rest."""
+    return np.where(score >= np.max(score) - _NEARLY_M, score, -np.inf)
 
 
 def joined(windows: Iterable[Window]) -> list[Window]:

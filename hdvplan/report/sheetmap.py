@@ -15,14 +15,14 @@ from hdvplan.report.colours import BAND, BREACH, INK, MUTED
 from hdvplan.report.layers import Drawn, outline_places
 from hdvplan.report.maps import draw_bodies, draw_direction, draw_features, draw_letter, draw_north, draw_room, draw_tube
 from hdvplan.report.paper import BAND_MM, Page
-from hdvplan.report.rooms import Room, peaks, pose_touching, room_at, shown_reach, tightness
+from hdvplan.report.rooms import Room, nearly, peaks, pose_touching, room_at, shown_reach, tightness
 from hdvplan.report.style import ON_WHITE
 from hdvplan.road.path import ReferencePath
 
 _BARS_M = (200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 _LONGEST_BAR_MM = 105.0
 _INSET_SCALES = ((1000, 200), (200, 100), (100, 50), (40, 20), (20, 10), (0, 5))  # from this scale of the sheet on: at least twice as large
-_PLACES_APART_M, _NEARLY_M = 15.0, 0.5  # places that are enlarged: from each other, and more room than the tightest one's
+_PLACES_APART_M = 15.0
 _BESIDE_MM = 7.0  # of an enlarged place: its text
 _LONG_SHARE = 0.3  # of an enlarged place's height: longer dimensions have room for their text
 _INWARDS_M = 1.2  # that the road is looked at from an enlarged place
@@ -40,8 +40,7 @@ def places_of(result: Result, page: Page, most: int) -> list[tuple[str, Room]]:
     """Return the tightest places of a sheet, and others nearly as tight, lettered in road order."""
     s, score = result.envelope.s, tightness(result)
     inside = np.where((s >= page.s_from) & (s <= page.s_to), score, -np.inf)
-    inside = np.where(inside >= np.max(inside) - _NEARLY_M, inside, -np.inf)
-    found = sorted(peaks(s, inside, _PLACES_APART_M, most))
+    found = sorted(peaks(s, nearly(inside), _PLACES_APART_M, most))
     return [(chr(ord("A") + number), room_at(result, at)) for number, at in enumerate(found)]
 
 
