@@ -395,3 +395,11 @@ def test_git_finds_the_first_slower_commit_by_the_lines_in_the_documents(theirs:
     environment = os.environ | {"PATH": found}
     ran = subprocess.run(["sh", "-ec", lines], cwd=theirs, env=environment, capture_output=True, text=True, check=True)  # noqa: S603, S607 - ours
     assert f"{git(theirs, 'rev-parse', 'v4')} is the first bad commit" in ran.stdout
+
+
+def test_the_last_words_of_pytest_name_the_test_that_failed_and_its_output_is_kept() -> None:
+    said = "E   assert 1 == 2\n=== short test summary info ===\nFAILED bench/test_depot.py::test_drive - assert 1 == 2\n1 failed in 0.1s\n"
+    ended = Ended(1, said, "Wrote benchmark data in: out.json\n")
+    assert ended.words == "FAILED bench/test_depot.py::test_drive - assert 1 == 2"
+    assert "E   assert 1 == 2" in ended.tail
+    assert ended.tail.endswith("Wrote benchmark data in: out.json")

@@ -65,15 +65,16 @@ class Ended:
 
     @property
     def words(self) -> str:
-        """The last words on stderr in one line: an ``error:`` line, else the last."""
-        lines = [" ".join(line.split()) for line in self.stderr.splitlines() if line.strip()]
-        last = next((line[7:] for line in lines if line.startswith("error: ")), (lines or ["nothing"])[-1])
-        return last[:_LONGEST_WORDS]
+        """The last words in one line: an ``error:`` line on stderr, what pytest says on stdout of tests that failed, else stderr's last."""
+        lines, printed = ([" ".join(line.split()) for line in text.splitlines() if line.strip()] for text in (self.stderr, self.stdout))
+        told = [line[7:] for line in lines if line.startswith("error: ")]
+        told += [line for line in printed if line.startswith(("FAILED ", "ERROR "))]
+        return (told or lines[-1:] or printed[-1:] or ["nothing"])[0][:_LONGEST_WORDS]
 
     @property
     def tail(self) -> str:
-        """The end of stderr, as long as a traceback."""
-        return "\n".join(self.stderr.strip().splitlines()[-_TAIL_LINES:])
+        """The end of stdout and of stderr, as long as a traceback."""
+        return "\n".join("\n".join(text.strip().splitlines()[-_TAIL_LINES:]) for text in (self.stdout, self.stderr)).strip()
 
 
 @dataclass(frozen=True)
