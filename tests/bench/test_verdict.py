@@ -73,6 +73,13 @@ def test_a_solver_that_drives_another_path_is_not_said_to_lack_accepted_steps() 
     )
 
 
+def test_the_path_of_a_reference_that_is_wrong_itself_measures_no_other() -> None:
+    off = np.array([[0.01, 0.0, 1.0], [0.01, 0.0, 1.0]])  # 1 cm from the optimum
+    found = tables(riccati=[replace(made_up([0.1, 0.0001], shift=0.05), distances=off)], other=[made_up([0.1, 0.001])])
+    assert found.timing.set_index("solver")["status"].to_dict() == {"riccati": "wrong optimum", "other": "ok"}
+    assert finding(found).winner == "other"
+
+
 def test_a_solver_that_its_budget_stopped_is_compared_over_the_steps_that_both_did() -> None:
     found = tables(slow=[made_up([0.1, 0.010], outcome=OVER_BUDGET, shift=None)], riccati=[made_up([0.1, 0.001, 0.009])])
     assert finding(found).ratio == pytest.approx(10.0)

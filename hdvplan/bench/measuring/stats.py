@@ -83,7 +83,8 @@ def timing_table(
     accuracy: float | None = None,
 ) -> pd.DataFrame:
     """Return time, iterations, failures and residuals of every cell, in the order of ``cells``, whose ``envelope_table`` is given."""
-    known = REFERENCE in {cell.solver for cell in cells}
+    reference = {cell: drives for cell, drives in zip(cells, rounds, strict=True) if cell.solver == REFERENCE}
+    sound = {cell for cell, drives in reference.items() if status_of(drives, accuracy)[0] == OK}  # a path that is wrong measures none
     groups = dict(tuple(samples.groupby(KEY, sort=False)))
     most = samples[samples["round"] == 0].groupby(KEY, sort=False).size().groupby(COURSE).max()
     rows = []
@@ -91,7 +92,7 @@ def timing_table(
         mine = groups.get(key_of(cell), samples.iloc[:0])
         statistics = step_statistics(mine)
         statistics["failures"] += sum(drive.outcome == FAILED for drive in measured)
-        status, reason = status_of(measured, accuracy, float(apart) if known else np.nan)
+        status, reason = status_of(measured, accuracy, float(apart) if replace(cell, solver=REFERENCE) in sound else np.nan)
         reached = len(measured[0].steps)
         whole = reached if status == OVER_BUDGET else most.get((cell.road, cell.vehicle, str(cell.scheme), cell.limits), 0)
         whole = max(whole, reached + 1) if measured[0].outcome not in {OK, OVER_BUDGET} else whole  # the step in which it ended
