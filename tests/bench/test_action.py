@@ -91,7 +91,7 @@ def test_hdvplan_is_installed_once_and_again_when_the_action_is_another_one(runn
 @pytest.mark.parametrize(("ends", "code"), [("0", 0), ("1", 1), ("2", 2), ("3", 0)])
 def test_the_gate_is_run_with_the_inputs_as_words_and_its_verdict_is_that_of_the_job(runner: Runner, ends: str, code: int) -> None:
     runner.run("install", values(runner))
-    asked = values(runner, command="python -m ours $(touch owned) '`id`'", options="--factor 1.2  --patience 60")
+    asked = values(runner, command="python -m ours $(touch owned) '`id`'", options="\n--factor 1.2\n  --patience 60\n")
     words = "--against HEAD^1 --format github --out gate --command python -m ours $(touch owned) '`id`' --factor 1.2 --patience 60"
     assert runner.run("measure", asked, CODE_OF_HDVPLAN=ends) == (0, f"hdvplan: bench {words}\n")
     assert (runner.folder / "output").read_text(encoding="utf-8") == f"code={ends}\n"

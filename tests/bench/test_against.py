@@ -149,6 +149,15 @@ def test_outside_a_checkout_a_revision_is_refused_with_what_would_do(cli: Cli, s
     )
 
 
+def test_in_a_checkout_of_others_hdvplan_is_not_compared_with_itself(cli: Cli, tmp_path: Path) -> None:
+    for words in (["init", "-q"], ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "one"]):
+        subprocess.run(["git", *words], cwd=tmp_path, check=True)  # noqa: S603, S607 - our own
+    outcome = cli("bench", "--against", "HEAD", "--roads", "uturn")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "is measured: this would compare hdvplan with itself" in outcome.err
+    assert cli("bench", "--against", "", "--roads", "uturn").err.startswith("error: --against is empty\nhint: is the variable set")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell script stands in for an interpreter")
 def test_a_base_that_cannot_run_ends_in_3(cli: Cli, tmp_path: Path, short_road: str) -> None:
     poor = tmp_path / "python-poor"

@@ -20,7 +20,7 @@ from hdvplan.bench.comparing.processes import Scratch, Started, Turns, in_turn, 
 from hdvplan.bench.comparing.programs import Home, Program, ProgramError, UnreachedError
 from hdvplan.bench.comparing.sides import COLD, LOAD, read_side
 from hdvplan.bench.comparing.words import verdict_line
-from hdvplan.bench.comparing.work import ABOUT, CommandWork, SuiteWork, Work, placed, suite_entries, suite_text
+from hdvplan.bench.comparing.work import ABOUT, CommandWork, SuiteWork, Work, placed, refuse_nothing, suite_entries, suite_text
 from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically
@@ -218,13 +218,16 @@ def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path
     cache. The reports of an earlier comparison go first, so that none is taken for this one's.
 
     Raises:
-        OptionError: ``against`` names nothing, ``out`` holds something else or is in use, or the checkout cannot be read.
+        OptionError: ``against`` names nothing, ``out`` holds something else or is in use, the checkout cannot be read, or nothing of it
+            is measured.
         OSError: ``out`` cannot be written.
 
     """
     with ended_by_signals(), scratch_folder() as scratch:
         here = checkout()
         named = base_named(against, here)
+        if named.commit is not None and here is not None and isinstance(work, Suite):
+            refuse_nothing(here, work)
         cache = cache_folder(scratch)
         out.mkdir(parents=True, exist_ok=True)
         with _alone_in(out):

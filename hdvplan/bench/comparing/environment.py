@@ -77,8 +77,8 @@ def base_named(against: str, here: Checkout | None) -> Base:
         raise OptionError(msg, hint="name a release (hdvplan==0.1.0), or the path of a Python that has one")
     found = git(here.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{against}^{{commit}}") if "\0" not in against else None
     if found is None or not _HASH.fullmatch(found):
-        msg = f"no revision {against!r} in {here.top}"
-        raise OptionError(msg, hint=_missing(here))
+        msg = f"no revision {against!r} in {here.top}" if against else "--against is empty"
+        raise OptionError(msg, hint=_missing(here) if against else "is the variable set that shall name the base?")
     return Base(against, commit=found)
 
 

@@ -12,11 +12,13 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from hdvplan.arrays import FloatArray
+from hdvplan.bench.comparing.checkout import Checkout
 from hdvplan.bench.comparing.processes import Ended
 from hdvplan.bench.comparing.programs import Program, ProgramError
 from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically
+from hdvplan.plugins import OBJECTIVE, SOLVER, is_reference, offers
 
 STEPS = "steps.json"  # in the folder of a process: what a user's command has printed
 ABOUT = "process.json"  # in the folder of a process: what was measured of it as a whole
@@ -198,6 +200,21 @@ def placed(suite: Suite) -> Suite:
 
 
 _FILES = ("roads", "vehicles")
+
+
+def refuse_nothing(here: Checkout, suite: Suite) -> None:
+    """Refuse a suite in which nothing differs between two revisions of a checkout: neither the program nor what it is given is from there.
+
+    Raises:
+        OptionError: both sides would be the program that runs this.
+
+    """
+    own = any(Path(entry).is_file() for name in _FILES for entry in getattr(suite, name))
+    own = own or any(is_reference(name) or name in offers(SOLVER) for name in suite.solvers)
+    own = own or is_reference(suite.objective) or suite.objective in offers(OBJECTIVE)
+    if not own and not here.is_ours and here.package is None:
+        msg = f"nothing of {here.top} is measured: this would compare hdvplan with itself"
+        raise OptionError(msg, hint="--command 'python -m ours.bench' measures your own planner, --suite your solver, roads or vehicles")
 
 
 def command_words(text: str) -> tuple[str, ...]:
