@@ -129,4 +129,7 @@ def hold_to(counters: Path, out: Path, report: Report, *, renew: bool) -> int:
         write_counters(measured, counters)
         note(f"counters written to {counters}", quiet=report.quiet)
         return ExitCode.OK
-    return show(compare_counters(read_counters(counters), measured), Rule(), report)
+    code = show(compare_counters(read_counters(counters), measured), Rule(), report)
+    if code is not ExitCode.OK:
+        note("where the change is meant: the same command with --renew", quiet=report.quiet)
+    return code

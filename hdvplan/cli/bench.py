@@ -79,6 +79,7 @@ def bench(
     check_objective(wanted.objective)
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded
+    from hdvplan.bench.comparing.counters import read_counters
     from hdvplan.bench.measuring.courses import cases_of
     from hdvplan.bench.measuring.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
     from hdvplan.bench.measuring.run import remaining, run
@@ -91,6 +92,8 @@ def bench(
             written = export(cases_to_export(wanted), files.export_qps, files.qp_format)
         note(f"wrote {files.export_qps}/, sequences of QPs: {len(written)}", quiet=quiet)
         return ExitCode.OK
+    if options.counters is not None and not options.renew:
+        read_counters(options.counters)  # one that cannot be read is told before anything is measured
     only_drawn = files.plot is not None and options.counters is None
     record = None if files.fresh else recorded(wanted, out, only_drawn=only_drawn)
     if record is not None and record["finished"]:
