@@ -13,6 +13,8 @@ from hdvplan.errors import HdvplanError, OptionError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import pandas as pd
+
     from hdvplan.bench.comparing.work import CommandWork
     from hdvplan.bench.suite import Suite
     from hdvplan.cli.bench_options import Decision, Report
@@ -117,19 +119,19 @@ def _again(against: str, wanted: Suite | CommandWork, decision: Decision, out: P
     return shlex.join(["hdvplan", "bench", "--against", against, *what, *decision.words(), "--out", f"{out}-again"])
 
 
-def hold_to(counters: Path, out: Path, report: Report, *, renew: bool) -> int:
-    """Compare a finished run's counters with a baseline, or make them the baseline."""
+def hold_to(counters: Path, baseline: pd.DataFrame | None, out: Path, report: Report) -> int:
+    """Compare a finished run's counters with the ``baseline`` that ``counters`` holds, or without one make them the baseline."""
     from hdvplan.bench.comparing.compare import compare_counters
-    from hdvplan.bench.comparing.counters import read_counters, write_counters
+    from hdvplan.bench.comparing.counters import write_counters
     from hdvplan.bench.comparing.decision import Rule
     from hdvplan.bench.comparing.sides import read_side
 
     measured = read_side(out).counters
-    if renew:
+    if baseline is None:
         write_counters(measured, counters)
         note(f"counters written to {counters}", quiet=report.quiet)
         return ExitCode.OK
-    code = show(compare_counters(read_counters(counters), measured), Rule(), report)
+    code = show(compare_counters(baseline, measured), Rule(), report)
     if code is not ExitCode.OK:
         note("where the change is meant: the same command with --renew", quiet=report.quiet)
     return code

@@ -92,8 +92,7 @@ def bench(
             written = export(cases_to_export(wanted), files.export_qps, files.qp_format)
         note(f"wrote {files.export_qps}/, sequences of QPs: {len(written)}", quiet=quiet)
         return ExitCode.OK
-    if options.counters is not None and not options.renew:
-        read_counters(options.counters)  # one that cannot be read is told before anything is measured
+    baseline = None if options.counters is None or options.renew else read_counters(options.counters)  # told before anything is measured
     only_drawn = files.plot is not None and options.counters is None
     record = None if files.fresh else recorded(wanted, out, only_drawn=only_drawn)
     if record is not None and record["finished"]:
@@ -125,7 +124,7 @@ def bench(
             draw(out, picture)
         note(f"picture in {picture}", quiet=quiet)
     if options.counters is not None:
-        return hold_to(options.counters, out, report, renew=options.renew)
+        return hold_to(options.counters, baseline, out, report)
     tables, record = {name: read_table(out, f"{name}.csv") for name in LAYOUTS}, read_record(out)
     with damage_told(out):
         if json:

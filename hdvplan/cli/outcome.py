@@ -79,7 +79,7 @@ def compare(results: list[Result], directory: Path, *, picture: bool, as_json: b
     """Write and print the answers of several vehicles beside each other; return the worst exit code."""
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.verdict import verdict_of
-    from hdvplan.report.compared import answer_of, answer_rows, compared_figure
+    from hdvplan.report.compared import answer_of, answer_rows, answer_texts, compared_figure
     from hdvplan.report.grid import grid
     from hdvplan.report.style import figure_bytes
     from hdvplan.report.summary import summary_of
@@ -93,11 +93,8 @@ def compare(results: list[Result], directory: Path, *, picture: bool, as_json: b
         print_json([summary_of(result) for result in results])
     elif not quiet:
         print_line(answer_of(results))
-        numbers = {"spare_m": "to spare [m]", "clearance_m": "beyond [m] to keep", "half_width_m": "half width [m]", "s_m": "at s [m]"}
-        shown = [name for name in numbers if table[name].any() and table[name].notna().any()]
-        columns = ("vehicle", "answer", *(numbers[name] for name in shown), "what decides")
-        texts = table.assign(**{name: [f"{value:.{1 if name == 's_m' else 3}f}" for value in table[name]] for name in shown})
-        rows = texts[["vehicle", "answer", *shown, "decides"]].itertuples(index=False, name=None)
+        shown = answer_texts(table)
+        columns, rows = tuple(shown.columns), shown.itertuples(index=False, name=None)
         title = f"{len(results)} vehicles on {results[0].drive.road.name}"
         print_tables(grid(title, columns, rows, text=(columns[0], columns[1], columns[-1]), caption=f"written to {directory}/"))
     return max(exit_code_of(result, verdict_of(result)) for result in results)

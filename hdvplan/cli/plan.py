@@ -217,6 +217,7 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
     output, bias = asked.output, asked.options.bias
     dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
     dropped |= {f"--clearance {LARGEST}": asked.largest, "--beside": asked.options.beside is not None}
+    dropped |= {"--centreline": asked.centreline is not None}
     dropped |= {"--tracking-error": asked.settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*_kinds(output)} & {*DRAWINGS})}
     refuse_on(line, dropped)
     check_room(vehicle, asked.reaches)

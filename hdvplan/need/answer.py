@@ -15,6 +15,7 @@ from hdvplan.judging.result import Proof, Result
 from hdvplan.judging.verdict import lonlat_of
 from hdvplan.need.search import OTHER, TOLERANCE_M, WIDE_M, Least, beside_held, even, kerbs_on, least_edge, least_half_width
 from hdvplan.need.widening import Widenings, least_widenings, own_plans
+from hdvplan.progress import part_of
 from hdvplan.proof.answer import Stretch, joined, proof_of
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
@@ -102,15 +103,15 @@ def _need(
     """Answer with the least room of ``least_of``; ``own`` is the case in the street as it is, ``road`` the one with some room."""
     ends, sides = ((0.4, 1.0) if prove is False else (0.2, 0.6)), SIDES if side is None else (side,)
     known = own_plans(own)
-    room = least_of(known, on_progress=_part(on_progress, 0.0, ends[0]))
-    widenings = _widenings(own, known, sides, room, _part(on_progress, *ends))
+    room = least_of(known, on_progress=part_of(on_progress, 0.0, ends[0]))
+    widenings = _widenings(own, known, sides, room, part_of(on_progress, *ends))
     place, held = _place(room.result, sides), None
     if room.result is None and side is not None:
         held = least_edge(case, kerbs_on(case.road.with_limits(WIDE_M, WIDE_M), side), OTHER[side])
         place = _place(held.result, (OTHER[side],))
     bound = None
     if prove or (prove is None and (widenings is None or widenings.fitting is None)):
-        bound = proved_below(case, road, room, sides, None if place is None else place.s, on_progress=_part(on_progress, ends[1], 1.0))
+        bound = proved_below(case, road, room, sides, None if place is None else place.s, on_progress=part_of(on_progress, ends[1], 1.0))
     return Need(case, side, room, place, held, widenings, bound)
 
 
@@ -122,10 +123,6 @@ def _widenings(
     if room.result is None:
         return Widenings(None, None, None)  # what no width lets pass, no widening does
     return least_widenings(case, [*known, room.result], sides, on_progress=on_progress)
-
-
-def _part(on_progress: Callable[[float], None] | None, start: float, end: float) -> Callable[[float], None] | None:
-    return None if on_progress is None else lambda share: on_progress(start + (end - start) * share)
 
 
 def _place(result: Result | None, sides: tuple[str, ...]) -> Place | None:

@@ -18,6 +18,7 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.land import Patch, area_of, around, moved, on_kerbs
 from hdvplan.need.search import ATTEMPTS, TOLERANCE_M, WIDE_M, Question, least, on_road, plans_of
+from hdvplan.progress import part_of
 from hdvplan.road.pieces import Kerb
 
 _LAST = 2  # plans of a search for the least room that the one for the least area begins with: they need least
@@ -83,7 +84,7 @@ def least_widenings(
     found: list[Widening] = []
     for number, way in enumerate(ways):
         question = Question(partial(moved, road, way), way, TOLERANCE_M, (1.0, 4.0, WIDE_M))
-        enough = _enough(case, question, plans, None if on_progress is None else partial(_share, on_progress, number, len(ways)))
+        enough = _enough(case, question, plans, part_of(on_progress, number / len(ways), (number + 1) / len(ways)))
         if enough:
             found.append(_kept(case, way, _smallest(case, question, (*enough[:1], *enough[1:][-_LAST:]))))
         if enough and number == 0:
@@ -91,10 +92,6 @@ def least_widenings(
     if not found:
         return Widenings(None, None, None)
     return Widenings(min(found, key=lambda one: one.area), min(found, key=lambda one: one.depth), None)
-
-
-def _share(on_progress: Callable[[float], None], number: int, count: int, done: float) -> None:
-    on_progress((number + done) / count)
 
 
 def _enough(case: Case, question: Question, known: Sequence[Result], on_progress: Callable[[float], None] | None) -> list[Result]:

@@ -21,6 +21,8 @@ from hdvplan.report.rooms import Window, shown_reach, tightest_windows
 from hdvplan.report.style import SLIDE_IN, styled, write_head
 
 _ROAD = (Layer.ROAD, Layer.OBSTACLES, Layer.SWEEPABLE, Layer.LIMITS)
+_NUMBERS = {"spare_m": "to spare [m]", "clearance_m": "beyond [m] to keep", "half_width_m": "half width [m]", "s_m": "at s [m]"}
+_DIGITS = {"spare_m": 3, "clearance_m": 3, "half_width_m": 3, "s_m": 1}
 _MAPS = 2  # of the places that are tightest for the vehicle with the least room
 _BEYOND_M = 0.5  # that the profile shows
 _MAP_OVER_PROFILE = 1.6  # height
@@ -38,6 +40,13 @@ def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
         spare, half = (np.nan, verdict.half_width) if verdict.spare is None else (verdict.spare, np.nan)
         rows.append((result.drive.vehicle.name, verdict.word, spare, verdict.clearance_wanted, half, verdict.s, decides))
     return pd.DataFrame(rows, columns=["vehicle", "answer", "spare_m", "clearance_m", "half_width_m", "s_m", "decides"])
+
+
+def answer_texts(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows as a terminal shows them: without columns that have no number, and without clearances where none is wanted."""
+    shown = [name for name in _NUMBERS if table[name].notna().any() and (name != "clearance_m" or table[name].any())]
+    texts = {_NUMBERS[name]: ["-" if np.isnan(value) else f"{value:.{_DIGITS[name]}f}" for value in table[name]] for name in shown}
+    return pd.DataFrame({"vehicle": table["vehicle"], "answer": table["answer"], **texts, "what decides": table["decides"]})
 
 
 def answer_of(results: Sequence[Result]) -> str:

@@ -30,6 +30,8 @@ _FRAME_MM = 8.0
 _SHARE, _COLUMN_MM = 0.27, (86.0, 135.0)  # of the paper's width for the column of insets and title
 _STRIP_MM = (44.0, 70.0)  # below the map, for the vehicle
 _TITLE_MM, _LEGEND_MM = 78.0, 30.0
+MM_IN = 25.4
+MM_PT = MM_IN / 72.0
 STAMP_MM, _MOST_STAMPS, _LONGEST_STAMP = 8.5, 10, 60  # of a row of two stamps; how many, and letters of each
 BAND_MM = 15.0  # below the road, for scale bar and north arrow
 
@@ -71,6 +73,11 @@ class SheetOptions:
         if len(self.stamps) > _MOST_STAMPS or any(len(text) > _LONGEST_STAMP for stamp in self.stamps for text in stamp):
             msg = f"a sheet has room for {_MOST_STAMPS} stamps of {_LONGEST_STAMP} letters"
             raise OptionError(msg)
+
+    @property
+    def stamp_rows(self) -> int:
+        """How many rows the stamps have, two in each."""
+        return -(-len(self.stamps) // 2)
 
     @classmethod
     def named(cls, paper: str, scale: str | None, stamps: Sequence[str] = ()) -> SheetOptions:
@@ -116,7 +123,7 @@ class Page:
 def layout(options: SheetOptions) -> tuple[Box, Box, Box, Box, Box]:
     """Return the places of the map, the vehicle, the insets, the legend and the title on a paper [mm]."""
     width, height = PAPERS_MM[options.paper]
-    title_mm = _TITLE_MM + STAMP_MM * -(-len(options.stamps) // 2)
+    title_mm = _TITLE_MM + STAMP_MM * options.stamp_rows
     column = min(max(_SHARE * width, _COLUMN_MM[0]), _COLUMN_MM[1])
     strip = min(max(0.2 * height, _STRIP_MM[0]), _STRIP_MM[1])
     right, inner = width - _FRAME_MM - column, height - 2.0 * _FRAME_MM

@@ -25,15 +25,13 @@ from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line
 from hdvplan.report.colours import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_view
 from hdvplan.report.layers import LONLAT_CODE, drawn_features, map_system
-from hdvplan.report.paper import PAPERS_MM, STAMP_MM, Box, Page, SheetOptions, Size, layout, map_mm, pages_of, places_on
+from hdvplan.report.paper import MM_IN, MM_PT, PAPERS_MM, STAMP_MM, Box, Page, SheetOptions, Size, layout, map_mm, pages_of, places_on
 from hdvplan.report.sheetmap import draw_field, draw_inset, draw_key, places_of
 from hdvplan.report.style import styled
 from hdvplan.report.tube import tubes_of
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 
-_MM_IN = 25.4
-_MM_PT = _MM_IN / 72.0
 _LETTER, _BOLD = 0.56, 1.12  # mean width of a letter over the type's size, and what bold adds
 _SMALL, _TEXT, _VERDICT = 5.5, 7.0, 9.5  # of type [pt]
 _MARGIN_MM = 3.0
@@ -121,18 +119,20 @@ def _steering(drives: Sequence[Drive]) -> str:
     """Return the largest angles of the front wheels, off the middle of the first axle, and of each coupling."""
     vehicle = drives[0].vehicle
     curvature = max(float(np.max(np.abs(drive.kappa), initial=0.0)) for drive in drives)
-    wheels = f"at most {_degrees(vehicle.lead.wheelbase * curvature)}, {100.0 * curvature / vehicle.max_curvature:.0f} % of its range"
+    wheels = (
+        f"at most {_degrees(np.arctan(vehicle.lead.wheelbase * curvature))}, {100.0 * curvature / vehicle.max_curvature:.0f} % of its range"
+    )
     angles = [np.max([np.max(np.abs(drive.poses_z[:, at])) for drive in drives]) for at in range(2, vehicle.rigid_states)]
-    return f"{wheels}; articulation {' and '.join(_degrees(np.tan(angle)) for angle in angles)}" if angles else wheels
+    return f"{wheels}; articulation {' and '.join(_degrees(angle) for angle in angles)}" if angles else wheels
 
 
-def _degrees(tangent: float) -> str:
-    return f"{np.degrees(np.arctan(tangent)):.0f} degrees"
+def _degrees(angle: float) -> str:
+    return f"{np.degrees(angle):.0f} degrees"
 
 
 def _figure(sheet: Sheet, options: SheetOptions) -> Figure:
     width, height = PAPERS_MM[options.paper]
-    figure = Figure(figsize=(width / _MM_IN, height / _MM_IN))
+    figure = Figure(figsize=(width / MM_IN, height / MM_IN))
     boxes = layout(options)
     for box in boxes:
         corner = (box.x / width, box.y / height)
@@ -153,18 +153,18 @@ def _figure(sheet: Sheet, options: SheetOptions) -> Figure:
     )  # fmt: skip
     if sheet.draw_key is not None:
         sheet.draw_key(_axes(figure, legend._replace(x=legend.x + (1.0 - _KEY) * legend.width, width=_KEY * legend.width)))
-    _draw_title(_axes(figure, title), sheet, options.stamps, (title.width, title.height))
+    _draw_title(_axes(figure, title), sheet, options, (title.width, title.height))
     return figure
 
 
 def _axes(figure: Figure, box: Box) -> Axes:
-    width, height = (side * _MM_IN for side in figure.get_size_inches())
+    width, height = (side * MM_IN for side in figure.get_size_inches())
     axes = figure.add_axes((box.x / width, box.y / height, box.width / width, box.height / height))
     axes.set_axis_off()
     return axes
 
 
-def _draw_title(axes: Axes, sheet: Sheet, stamps: Sequence[tuple[str, str]], size_mm: Size) -> None:
+def _draw_title(axes: Axes, sheet: Sheet, options: SheetOptions, size_mm: Size) -> None:
     """Write verdict, road, vehicle, scale, coordinates, date, version and source into axes of ``size_mm``, and below them the stamps."""
     width, height = size_mm
     axes.set_xlim(0.0, width)
@@ -174,17 +174,17 @@ def _draw_title(axes: Axes, sheet: Sheet, stamps: Sequence[tuple[str, str]], siz
     for text, size, weight, bold in ((sheet.verdict, _VERDICT, "bold", _BOLD), (sheet.details, _TEXT, "normal", 1.0)):
         for line in _lines(text, width, bold * size, 3):
             axes.text(_MARGIN_MM, y, line, fontsize=size, fontweight=weight, color=answer, va="top")
-            y -= 1.25 * size * _MM_PT
+            y -= 1.25 * size * MM_PT
     y -= 1.0
     for name, value in sheet.rows:
         axes.plot([0.0, width], [y + 0.7, y + 0.7], color=MUTED, linewidth=0.3)
         axes.text(_MARGIN_MM, y, name, fontsize=_SMALL, color=MUTED, va="top")
         for line in _lines(value, width - 18.0, _TEXT, 3):
             axes.text(_MARGIN_MM + 16.0, y, line, fontsize=_TEXT, va="top")
-            y -= 1.25 * _TEXT * _MM_PT
+            y -= 1.25 * _TEXT * MM_PT
         y -= 1.2
-    for number, (name, value) in enumerate(stamps):
-        x, top = 0.5 * width * (number % 2), STAMP_MM * (-(-len(stamps) // 2) - number // 2)
+    for number, (name, value) in enumerate(options.stamps):
+        x, top = 0.5 * width * (number % 2), STAMP_MM * (options.stamp_rows - number // 2)
         axes.add_patch(Rectangle((x, top - STAMP_MM), 0.5 * width, STAMP_MM, fill=False, edgecolor=INK, linewidth=0.4))
         for words, size, colour, below in ((name, _SMALL, MUTED, 1.0), (value, _TEXT + 1.0, INK, 3.7)):
             axes.text(x + _MARGIN_MM, top - below, _lines(words, 0.5 * width, size, 1)[0], fontsize=size, color=colour, va="top")
@@ -202,6 +202,6 @@ def _position(result: Result) -> str:
 
 def _lines(text: str, width_mm: float, size: float, most: int) -> list[str]:
     """Return a text in lines that are not wider than ``width_mm`` at a ``size`` of type [pt]; what is left is cut."""
-    letters = max(8, int((width_mm - _MARGIN_MM) / (_LETTER * size * _MM_PT)))
+    letters = max(8, int((width_mm - _MARGIN_MM) / (_LETTER * size * MM_PT)))
     lines = wrap(text, letters, max_lines=most, placeholder=" ...")
     return lines or [""]

@@ -14,7 +14,7 @@ from hdvplan.judging.result import Result, body_name
 from hdvplan.report.colours import BAND, BREACH, INK, MUTED
 from hdvplan.report.layers import Drawn, outline_places
 from hdvplan.report.maps import draw_bodies, draw_direction, draw_features, draw_letter, draw_north, draw_room, draw_tube
-from hdvplan.report.paper import BAND_MM, Page
+from hdvplan.report.paper import BAND_MM, MM_PT, Page
 from hdvplan.report.rooms import Room, nearly, peaks, pose_touching, room_at, shown_reach, tightness
 from hdvplan.report.style import ON_WHITE
 from hdvplan.road.path import ReferencePath
@@ -29,7 +29,7 @@ _INWARDS_M = 1.2  # that the road is looked at from an enlarged place
 _TICKS_M = (5.0, 10.0, 20.0, 50.0, 100.0)
 _TICK_MM = 28.0  # at least, between two
 _ARROWS_MM = 70.0  # between arrows along the road
-_LETTER_PT, _MM_PT = 25.0, 25.4 / 72.0  # from the place that it names; a point
+_LETTER_PT = 25.0  # from the place that it names
 _BUBBLE_MM, _FREE_MM = 4.0, 6.5  # of a letter's circle to the frame; from it to a station's number
 _ASIDE_MM, _BELOW_MM, _ABOVE_MM = 19.0, 9.0, 4.0  # of an enlarged place's text to the frame, and to the head
 _KEY_POINTS = 400
@@ -76,7 +76,7 @@ def _bubble(axes: Axes, room: Room, page: Page) -> BaseGeometry:
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     inside = shapely.box(left, low + BAND_MM * mm, right, high).buffer(-_BUBBLE_MM * mm)
     turns = (0.0, 0.25, -0.25, 0.5, -0.5, 1.0)  # of pi
-    lines = [_away(at, out, np.pi * turn, _LETTER_PT * _MM_PT * mm) for turn in turns]
+    lines = [_away(at, out, np.pi * turn, _LETTER_PT * MM_PT * mm) for turn in turns]
     return next((line for line in lines if inside.contains(shapely.Point(line.coords[1]))), lines[0])
 
 

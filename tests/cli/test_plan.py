@@ -13,6 +13,7 @@ from hdvplan.case import Case
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.report.compared import answer_texts
 from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.vehicle.load import load_vehicle
@@ -219,6 +220,14 @@ def test_several_vehicles_are_compared_and_answered_as_each_by_itself(cli: Cli, 
         assert json.loads(Path("both", name, "summary.json").read_text(encoding="utf-8"))["verdict"] == alone
         assert (table["spare_m"][name], table["s_m"][name]) == (alone["spare_m"], alone["s_m"])
     assert Path("both/compared.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_place_at_the_road_s_start_is_a_column_of_the_comparison_too() -> None:
+    """A column was left out where all of its numbers were 0."""
+    numbers = {"spare_m": [0.0, np.nan], "clearance_m": [0.0, 0.0], "half_width_m": [np.nan, np.nan], "s_m": [0.0, 0.0]}
+    shown = answer_texts(pd.DataFrame({"vehicle": ["bus", "car"], "answer": [YES, YES], "decides": ["", ""], **numbers}))
+    assert [*shown] == ["vehicle", "answer", "to spare [m]", "at s [m]", "what decides"]
+    assert [*shown["to spare [m]"]] == ["0.000", "-"]
 
 
 def test_vehicles_on_a_road_without_limits_are_compared_by_what_they_need(cli: Cli, short_road: str) -> None:

@@ -68,8 +68,7 @@ def with_limits(road: Road, vehicle: Vehicle, suite: Suite, limits: str = AS_SET
     reach = geometric + suite.slack if suite.half_width is None else suite.half_width
     pinch = suite.pinch if limits == AS_SET else (suite.pinch or _CLASS_PINCH_M) if limits == "binding" else None
     if pinch is None:
-        constant = Limits.constant(reach, reach, road.path.length)
-        return road.within(constant) if suite.half_width is None else road.with_widths(constant)
+        return road.within(Limits.constant(reach, reach, road.path.length)) if suite.half_width is None else road.with_limits(reach, reach)
     if pinch >= 2.0 * reach:
         msg = f"a pinch of {pinch:g} m closes {road.name}, whose limits are {2.0 * reach:.2f} m apart"
         raise RoadError(msg, s_m=float(s[tightest]), hint="choose a smaller --pinch")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import TurnError
+from hdvplan.progress import part_of
 from hdvplan.turning.follow import passive
 from hdvplan.turning.reversing.blocks import Block
 from hdvplan.turning.reversing.docking import pull_out
@@ -158,7 +158,7 @@ def reversing(
     errors: list[TurnError] = []
     numbers = _LEGS[template] if size is not None or all_legs else (_OWN_LEGS,)
     for number, legs in enumerate(numbers):
-        part = None if on_progress is None else partial(_told, on_progress, number, len(numbers))
+        part = part_of(on_progress, number / len(numbers), (number + 1) / len(numbers))
         try:
             tried.append(_half_turned(site, vehicle, legs, starts, part))
         except TurnError as error:  # another number of legs may do
@@ -171,10 +171,6 @@ def reversing(
     least = min(tried, key=lambda one: one.manoeuvre.size)
     own = least if size is not None else next((one for one in tried if one.legs == _OWN_LEGS), least)
     return Answer(template, vehicle, options, tuple(tried), own)
-
-
-def _told(on_progress: Callable[[float], None], number: int, count: int, share: float) -> None:
-    on_progress((number + share) / count)
 
 
 def _check_trailers(vehicle: Vehicle, template: Template) -> None:
