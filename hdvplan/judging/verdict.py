@@ -18,6 +18,7 @@ from hdvplan.road.regions import OPEN_M, called
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
+_NO_MORE_M = 0.005  # to spare: 0.00 m in a sentence
 _CENTI, _TENTHS = 100.0, 10.0  # of a metre and of a degree, to which what a driver may err is rounded down
 
 
@@ -148,14 +149,18 @@ def _answer(result: Result, verdict: Verdict, who: str, of: str) -> str:
     where = f"at s = {verdict.s:.1f} m{of}"
     if verdict.fits is None:
         return f"{amount_text(verdict)} for the {result.drive.vehicle.name}: {who} {where}"
-    assert verdict.spare is not None  # noqa: S101 - for the type checker: only where there are no limits it is
-    amount = amount_text(verdict)
-    if verdict.clearance_wanted > 0.0:
-        amount += f" beyond the {verdict.clearance_wanted:.2f} m to keep" if verdict.fits else (
-            f" of the {verdict.clearance_wanted:.2f} m to keep" if verdict.spare > -verdict.clearance_wanted else
-            f" with the {verdict.clearance_wanted:.2f} m to keep"
-        )  # fmt: skip
-    return worded(verdict.word, f"{amount} {where}, {who}")
+    return worded(verdict.word, f"{_amount(verdict)} {where}, {who}")
+
+
+def _amount(verdict: Verdict) -> str:
+    """Return the room to spare or lacking, and of how much to keep, if anything is."""
+    wanted, spare = f"the {verdict.clearance_wanted:.2f} m to keep", verdict.spare or 0.0
+    if verdict.clearance_wanted == 0.0:
+        return amount_text(verdict)
+    if verdict.fits and spare < _NO_MORE_M:
+        return f"{wanted} and no more"
+    between = "beyond" if verdict.fits else "of" if spare > -verdict.clearance_wanted else "with"
+    return f"{amount_text(verdict)} {between} {wanted}"
 
 
 def tracking_line(result: Result) -> str:
@@ -184,9 +189,8 @@ def short_verdict(verdict: Verdict) -> str:
     """Return word and amount of a verdict."""
     if verdict.fits is None:
         return amount_text(verdict)
-    kept = f" {'beyond' if verdict.fits else 'with'} {verdict.clearance_wanted:.2f} m to keep" if verdict.clearance_wanted > 0.0 else ""
     word = f"{verdict.word} (proved)" if verdict.proved else verdict.word
-    return f"{word}, {amount_text(verdict)}{kept}"
+    return f"{word}, {_amount(verdict)}"
 
 
 def proof_text(proof: Proof, vehicle: Vehicle) -> str:

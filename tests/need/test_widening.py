@@ -9,6 +9,7 @@ import shapely
 from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import PlanError
+from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, edge_need_of, need_of
 from hdvplan.need.land import around, moved, on_kerbs
@@ -35,8 +36,13 @@ def narrow() -> Case:
 
 
 @pytest.fixture(scope="module")
-def found(narrow: Case) -> Widenings:
-    return least_widenings(narrow, own_plans(narrow))
+def plans(narrow: Case) -> list[Result]:
+    return own_plans(narrow)
+
+
+@pytest.fixture(scope="module")
+def found(narrow: Case, plans: list[Result]) -> Widenings:
+    return least_widenings(narrow, plans)
 
 
 @pytest.mark.parametrize("kind", ["area", "depth"])
@@ -72,10 +78,11 @@ def test_where_nothing_but_clearance_is_lacking_the_widening_is_what_it_lacks(na
     assert verdict_of(kept.area.result).fits is False  # in the street as it was
 
 
-def test_kerbs_on_both_sides_need_no_more_area_than_those_on_one_side_alone(narrow: Case, found: Widenings) -> None:
+@pytest.mark.slow
+def test_kerbs_on_both_sides_need_no_more_area_than_those_on_one_side_alone(narrow: Case, plans: list[Result], found: Widenings) -> None:
     assert found.area is not None
     for side in BOTH:
-        alone = least_widenings(narrow, own_plans(narrow), (side,))
+        alone = least_widenings(narrow, plans, (side,))
         assert alone.area is not None
         assert found.area.area <= alone.area.area + 1e-6  # rounding
 

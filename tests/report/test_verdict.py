@@ -97,6 +97,8 @@ def test_a_clearance_that_is_not_kept_is_a_no_although_no_limit_is_broken(bus: R
     assert line(enough).startswith(f"YES: 0.10 m to spare beyond the {least - 0.1:.2f} m to keep at s = ")
     assert line(lacking).startswith(f"NO: 0.10 m lacking of the {least + 0.1:.2f} m to keep at s = ")
     assert " beside the " in line(lacking)
+    most = judged(bus, clearance=least)  # as --clearance max finds it
+    assert line(most).startswith(f"YES: the {least:.2f} m to keep and no more at s = ")
     assert (enough.status, lacking.status) == ("ok", "clearance not kept")
     assert not lacking.balance.breaches
 
@@ -123,8 +125,8 @@ def test_a_post_between_two_stations_of_the_envelope_is_not_driven_through_unsee
 def test_what_counts_as_kept_is_never_called_lacking(bus: Result) -> None:
     least = bus.balance.min_clearance or 0.0
     kept = judged(bus, clearance=least + 0.009)
-    assert line(kept).startswith("YES: 0.00 m to spare beyond the ")
-    assert "YES, 0.00 m to spare" in verdict_title(kept, verdict_of(kept))
+    assert line(kept).startswith(f"YES: the {least + 0.009:.2f} m to keep and no more at s = ")
+    assert f"YES, the {least + 0.009:.2f} m to keep and no more" in verdict_title(kept, verdict_of(kept))
 
 
 def test_the_title_and_the_summary_say_the_same(bus: Result, kerbed: Result) -> None:
