@@ -32,6 +32,7 @@ _ROOM = {
     "left": "The road's own left limit, or the fixed one [m].",
     "right": "The road's own right limit, or the fixed one, positive [m].",
 }
+_WRITTEN = ("out", "json", "plot", "formats", "sheet", "scale", "stamps", "quiet")
 _OUTPUT = {"out": "Where to write [default: <road>.<vehicle>.need/].", "plot": "Draw the picture need.png."}
 
 
@@ -52,7 +53,7 @@ def need(
     room: Annotated[Room, OptionsOf(Room, VEHICLE, words=_ROOM)],
     settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, VEHICLE, only=("clearance",))],
     reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
-    output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=("out", "json", "plot", "formats", "quiet"))],
+    output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=_WRITTEN)],
     proof: Annotated[
         bool | None,
         typer.Option(
@@ -79,7 +80,7 @@ def need(
     It tries several objectives and schemes and judges each plan by its simulation, to 1 cm. Less room, for which no plan was found, is
     called out of reach; that is not a proof. Unless the vehicle fits, it also looks for room that is proved to be too little. Obstacles and
     a fixed edge stay where they are. DIR receives need.json, the picture need.png, and the widening as GeoJSON; with --format dxf,gpkg also
-    as layers of a drawing.
+    as layers of a drawing, and with --sheet on paper to scale.
 
     With --template it finds the least street width, arm or apron, to 5 cm, with which a manoeuvre of forward and backward legs was found.
 
@@ -98,6 +99,7 @@ def need(
     held = None if fix is None else choice("--fix", fix, SIDES)
     given, quiet = _given(held, room), output.quiet
     check_folder(output.out)
+    sheet = output.drawn_on()
     from hdvplan.road.load import find_road
 
     driven = vehicle_named(vehicle, quiet=quiet)
@@ -106,11 +108,13 @@ def need(
     from hdvplan.need.answer import edge_need_of, need_of
     from hdvplan.report.files import DRAWINGS, PICTURES
     from hdvplan.report.needs import need_json, write_need
+    from hdvplan.report.paper import check_scale
 
     kinds = output.kinds(PICTURES, DRAWINGS)
     track = smoothed(found, road, quiet=quiet)
     track = track if given is None else track.with_limits(*given)
     check_fits(track, driven, None)
+    check_scale(sheet, [track.path], driven, whole=False)
     case = Case(track, driven, settings=settings)
     began = perf_counter()
     with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:
@@ -123,7 +127,7 @@ def need(
     summary = need_json(answer, perf_counter() - began)
     directory = output.out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
     with writing(f"to {directory}"):
-        write_need(answer, summary, directory, kinds)
+        write_need(answer, summary, directory, kinds, sheet)
     if output.json:
         print_json(summary)
     elif not quiet:
@@ -137,6 +141,9 @@ def _of_template(name: str, vehicle: str, site: SiteOptions, output: Output) -> 
     if site.size(template) is not None:
         msg = f"--{template.sought} is what is sought"
         raise OptionError(msg, hint=f"`hdvplan turn --template {template} --{template.sought} M` tells whether the vehicle fits in it")
+    if output.sheet is not None:
+        msg = f"--sheet is for roads, and {template} has none"
+        raise OptionError(msg, hint="--format pdf draws the site as a picture, --format dxf to scale for CAD")
     check_folder(output.out)
     return answered(template, vehicle, site, output, starts=MORE_STARTS, called="need")
 

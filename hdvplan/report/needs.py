@@ -19,10 +19,11 @@ from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least, on_road
 from hdvplan.need.widening import Widening, Widenings
 from hdvplan.record import NAME, record_of
 from hdvplan.report.colours import BREACH
-from hdvplan.report.files import DRAWINGS, PICTURES, drawn_bytes
+from hdvplan.report.files import DRAWINGS, PICTURES, SHEET, drawn_bytes
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
+from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import proof_json, tracking_json
 from hdvplan.road.regions import called
 from hdvplan.vehicle.model import Vehicle
@@ -236,13 +237,14 @@ def _areas(widening: Widening, layer: Layer) -> tuple[Drawn, ...]:
     return tuple(found)
 
 
-def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] = ("png",)) -> None:
+def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] = ("png",), sheet: SheetOptions | None = None) -> None:
     """Write ``answer``, that of ``need_json``, with widenings as polygons into ``directory``, made if need be.
 
-    ``kinds`` are those of ``PICTURES`` and ``DRAWINGS`` that are drawn as well; where no plan was found there is nothing to draw.
+    ``kinds`` are those of ``PICTURES`` and ``DRAWINGS`` that are drawn as well, and ``sheet`` adds a drawing to scale; where no plan was
+    found there is nothing to draw.
 
     Raises:
-        OptionError: the folder holds files of others.
+        OptionError: the folder holds files of others, or the sheet has no room for the vehicle at its scale.
         OSError: the folder or a file cannot be written.
 
     """
@@ -251,11 +253,13 @@ def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] =
         widening = None if need.widenings is None else getattr(need.widenings, kind)
         if widening is not None:
             contents[name] = partial(json_bytes, widening_geojson(need, widening), indent=None)
-    shown = shown_plan(need) if kinds else None
+    shown = shown_plan(need) if kinds or sheet else None
     if shown is not None:
         contents |= {f"need.{kind}": partial(_drawn, need, shown, kind) for kind in kinds}
+    if shown is not None and sheet is not None:
+        contents[SHEET] = partial(_sheet, need, shown, sheet)
     contents[_SUMMARY] = lambda: json_bytes(answer)
-    names = (*(f"need.{kind}" for kind in (*PICTURES, *DRAWINGS)), *_WIDENINGS.values())
+    names = (*(f"need.{kind}" for kind in (*PICTURES, *DRAWINGS)), SHEET, *_WIDENINGS.values())
     Together(_SUMMARY, names, {NAME: "software", _SUMMARY: "tolerance_m"}).write(directory, contents)
 
 
@@ -268,3 +272,18 @@ def _drawn(need: Need, shown: Result, kind: str) -> bytes:
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
     return figure_bytes(need_figure(shown, features, lines, 0.0 if need.place is None else need.place.s, fits=need.fits), kind)
+
+
+def _sheet(need: Need, shown: Result, options: SheetOptions) -> bytes:
+    from hdvplan.report.sheet import Answer, sheet_bytes  # noqa: PLC0415 - as above
+
+    answer, *more = need_lines(need)
+    text, _, rest = answer.replace(": decided", "; decided").partition("; ")
+    details = "; ".join(more if need.fits or not rest else [rest, *more])  # of a plan that fits, the driver has a row of its own
+    widened = None if need.widenings is None else need.widenings.area
+    patches = () if widened is None else [
+        f"s = {patch.s_from:.0f} to {patch.s_to:.0f} m {patch.side}, {_area_text(patch.polygon.area)}, {patch.depth:.2f} m deep"
+        for patch in widened.patches
+    ]  # fmt: skip
+    rows = (("to widen", "; ".join(patches)),) if patches else ()
+    return sheet_bytes(shown, options, answer=Answer(need.fits, text, details, need_features(need, shown), rows))

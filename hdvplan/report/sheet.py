@@ -24,7 +24,7 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line, verdict_of
 from hdvplan.report.colours import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_view
-from hdvplan.report.layers import LONLAT_CODE, drawn_features, map_system
+from hdvplan.report.layers import LONLAT_CODE, Drawn, drawn_features, map_system
 from hdvplan.report.paper import MM_IN, MM_PT, PAPERS_MM, STAMP_MM, Box, Page, SheetOptions, Size, layout, map_mm, pages_of, places_on
 from hdvplan.report.sheetmap import draw_field, draw_inset, draw_key, places_of
 from hdvplan.report.style import styled
@@ -53,18 +53,29 @@ class Sheet:
     draw_key: Callable[[Axes], None] | None = None  # which part of a road this is
 
 
-def sheet_bytes(result: Result, options: SheetOptions, *, date: str | None = None) -> bytes:
+@dataclass(frozen=True)
+class Answer:
+    """What a plan on a sheet answers, and what is drawn of it."""
+
+    fits: bool | None
+    text: str
+    details: str
+    features: tuple[Drawn, ...]
+    rows: tuple[tuple[str, str], ...] = ()  # of the title block, besides
+
+
+def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None = None, date: str | None = None) -> bytes:
     """Return the sheets as one PDF: vectors and embedded fonts; ``date`` is today in UTC where none is given.
 
-    Lengths on paper are true: at 1:200 a metre is 5 mm.
+    Lengths on paper are true: at 1:200 a metre is 5 mm. Without an ``answer`` of its own it is that of the plan.
 
     Raises:
         OptionError: at the scale asked for not even the vehicle has room.
 
     """
-    pages, features = pages_of(result, map_mm(options), options.scale), drawn_features(result)
-    drive, verdict = result.drive, verdict_of(result)
-    driver = (("driver", tracking_line(result)),) if verdict.fits else ()
+    pages, drive = pages_of(result, map_mm(options), options.scale), result.drive
+    told = answer or _planned(result)
+    driver = (("driver", tracking_line(result)),) if told.fits else ()
     around = drive.vehicle.reach_ahead + drive.vehicle.reach_behind
 
     def sheet(page: Page) -> Sheet:
@@ -73,18 +84,22 @@ def sheet_bytes(result: Result, options: SheetOptions, *, date: str | None = Non
         about = (f"{drive.road.name}, {drive.road.path.length:.1f} m", drive.road.notice)
         rows = rows_of([result], about, page, options, date)
         return Sheet(
-            drive.vehicle, verdict.fits, verdict_line(result, verdict), verdict_details(result, verdict),
-            (*rows, ("wheel tracks", TRACK_NOTE), *driver),
-            lambda axes, size: draw_field(axes, result, features, page, size, places, tubes=bool(tubes)),
+            drive.vehicle, told.fits, told.text, told.details, (*rows, *told.rows, ("wheel tracks", TRACK_NOTE), *driver),
+            lambda axes, size: draw_field(axes, result, told.features, page, size, places, tubes=bool(tubes)),
             tuple(
-                partial(draw_inset, result=result, features=features, page=page, place=place, tube=tube)
+                partial(draw_inset, result=result, features=told.features, page=page, place=place, tube=tube)
                 for place, tube in zip_longest(places, tubes)
             ),
             partial(draw_key, path=drive.road.path, page=page) if len(pages) > 1 else None,
         )  # fmt: skip
 
     title = f"{drive.vehicle.name} on {drive.road.name}, {drive.road.path.length:.0f} m"
-    return pdf_bytes((sheet(page) for page in pages), options, title, verdict_line(result, verdict))
+    return pdf_bytes((sheet(page) for page in pages), options, title, told.text)
+
+
+def _planned(result: Result) -> Answer:
+    verdict = verdict_of(result)
+    return Answer(verdict.fits, verdict_line(result, verdict), verdict_details(result, verdict), drawn_features(result))
 
 
 def pdf_bytes(sheets: Iterable[Sheet], options: SheetOptions, title: str, subject: str) -> bytes:
@@ -146,10 +161,11 @@ def _figure(sheet: Sheet, options: SheetOptions) -> Figure:
         draw(_axes(figure, box), (box.width, box.height))
     draw_vehicle_view(_axes(figure, vehicle), sheet.vehicle, (vehicle.width, vehicle.height))
     handles, labels = drawn.get_legend_handles_labels()
-    rows = -(-len(handles) // 2)
+    columns = 1 if len(handles) <= 2 * _ONE_COLUMN or sheet.draw_key is not None else 2
+    rows = -(-len(handles) // columns)
     _axes(figure, legend).legend(
-        handles, labels, loc="center left", ncols=1 if rows <= _ONE_COLUMN else 2, fontsize=_SMALL + 0.5, handlelength=2.2,
-        labelspacing=min(0.55, 30.0 / rows / 6.0), columnspacing=1.0, borderaxespad=0.6,
+        handles, labels, loc="center left", ncols=columns, fontsize=_SMALL + 0.5, handlelength=2.2,
+        labelspacing=min(0.55, 24.0 / rows / 6.0), columnspacing=1.0, borderaxespad=0.6,
     )  # fmt: skip
     if sheet.draw_key is not None:
         sheet.draw_key(_axes(figure, legend._replace(x=legend.x + (1.0 - _KEY) * legend.width, width=_KEY * legend.width)))

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pyogrio
@@ -9,6 +10,7 @@ import shapely
 from ezdxf.entities.lwpolyline import LWPolyline
 from ezdxf.entities.mtext import MText
 from ezdxf.filemanagement import readfile
+from pypdf import PdfReader
 
 from tests.cli.conftest import Cli
 
@@ -55,8 +57,17 @@ def test_json_is_all_that_stdout_gets(cli: Cli, bend: str) -> None:
 
 @pytest.mark.slow
 def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path: Path, bend: str) -> None:
-    outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "2.1", "--out", "out", "--no-proof", "--format", "dxf,gpkg")
+    wanted = ("--format", "dxf,gpkg", "--sheet", "a4", "--stamp", "project=Line 18")
+    outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "2.1", "--out", "out", "--no-proof", *wanted)
     assert outcome.code == 0
+    (page,) = PdfReader(tmp_path / "out" / "sheet.pdf").pages
+    drawn = " ".join(page.extract_text().split())
+    (least,) = re.findall(r"widening the road by ([0-9.]+ m2)", outcome.out)
+    assert "NO: the bus does not fit" in drawn
+    assert least in drawn
+    assert "to be widened (least area)" in drawn
+    assert "to widen s = " in drawn
+    assert "Line 18" in drawn
     told = json.loads((tmp_path / "out" / "need.json").read_text(encoding="utf-8"))
     assert outcome.out.startswith(f"NO: the bus does not fit; widening the road by {told['widening_m2']:.1f} m2 would do, ")
     assert told["fits"] is False

@@ -85,6 +85,7 @@ REFUSED = [  # a command, and words of the error
     (f"{AWAY} --arm 20", "--arm means nothing for three-point"),
     (f"{AWAY} --radius 20", "--radius contradicts --template"),
     ("need --vehicle bus --template aashto-90", "--template must be three-point"),
+    ("need --vehicle bus --template three-point --sheet a3", "--sheet is for roads, and three-point has none"),
     ("need --vehicle bus --template three-point --width 20", "--width is what is sought"),
     ("need uturn --vehicle bus --template three-point", "has its own site"),
     ("need --vehicle bus", "missing argument 'ROAD'"),

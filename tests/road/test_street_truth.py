@@ -198,7 +198,7 @@ def furthest(points: FloatArray, exact: About, half_width: float) -> float:
         for of, to in ((one.points, other.points), (other.points, one.points)):
             places = np.asarray(shapely.points(shapely.get_coordinates(shapely.segmentize(shapely.LineString(of), 0.2))))
             places = places[shapely.distance(places, ends) > spared]
-            pieces = shapely.STRtree(shapely.linestrings(np.stack([to[:-1], to[1:]], axis=1)))
+            pieces = shapely.STRtree(np.asarray(shapely.linestrings(np.stack([to[:-1], to[1:]], axis=1))))
             found = max(found, float(np.max(pieces.query_nearest(places, all_matches=False, return_distance=True)[1], initial=0.0)))
     return found
 
