@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -87,11 +88,11 @@ def need(
     Exit code 0: the answer was found. 1: no plan exists at any width, or with the fixed edge. 2: bad input.
     """
     if template is not None:
-        beside = (road, fix, proof, room, settings, reading)
-        if beside != (None, None, None, Room(), PlannerSettings(), RoadOptions()):
+        beside = (road, fix, proof, room, reading)
+        if beside != (None, None, None, Room(), RoadOptions()):
             msg = f"--template {template} has its own site: a road, its room and its options mean nothing for it"
             raise OptionError(msg, hint=f"give --vehicle, and of the site {', '.join(f'--{name}' for name in _FIXED)}".replace("_", "-"))
-        return _of_template(template, vehicle, site, output)
+        return _of_template(template, vehicle, replace(site, clearance=settings.clearance or None), output)
     if road is None:
         msg = "missing argument 'ROAD'"
         raise OptionError(msg, hint="give a road, or --template for a turning head, a dock or a three-point turn")

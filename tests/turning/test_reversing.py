@@ -19,7 +19,7 @@ from hdvplan.turning.reversing.half_turns import half_turn
 from hdvplan.turning.reversing.legs import driven, posed, wheels_at_stop
 from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.turning.reversing.sites import site_of
-from hdvplan.turning.reversing.words import closed_form, verdict
+from hdvplan.turning.reversing.words import closed_form, details, verdict
 from hdvplan.vehicle.body import corners_at
 from hdvplan.vehicle.kinematics import critical_angles
 from hdvplan.vehicle.load import load_vehicle, parse_vehicle
@@ -149,6 +149,21 @@ def test_no_pose_enters_what_stands_and_a_smaller_place_would_be_entered(dock: A
         assert any(shapely.intersection(block.area(_VIEW), swept).area > 1e-6 for block in blocks) is entered
     walls = dock.chosen.manoeuvre.site.closed(dock.chosen.manoeuvre.reaches, dock.chosen.manoeuvre.size)
     assert dock.chosen.manoeuvre.room(walls).min() > -1e-9  # what bows out between poses has room, too: rounding
+
+
+@pytest.mark.parametrize(("template", "vehicle"), [(Template.DOCK_90, "tractor-semitrailer"), (Template.THREE_POINT, "bus")])
+def test_a_clearance_is_kept_from_all_that_stands_and_no_more(template: Template, vehicle: str) -> None:
+    found = reversing(load_vehicle(vehicle), template, SiteOptions(clearance=0.5), starts=1)
+    manoeuvre = found.chosen.manoeuvre
+    blocks = (*manoeuvre.site.blocks, *manoeuvre.site.closed(manoeuvre.reaches, manoeuvre.size))
+    bodies = np.concatenate([corners_at(found.vehicle, leg.poses).reshape(-1, 4, 2) for leg in manoeuvre.legs])
+    swept = shapely.union_all(shapely.polygons(bodies))
+    apart, told = (min(shapely.distance(block.area(_VIEW), swept) for block in some) for some in (blocks, found.blocks))
+    assert 0.5 - 1e-6 < apart < 0.5 + 0.005  # rounding; what bows out between poses, and is kept from neighbours, is no room
+    assert reversal_json(found)["least_room_m"] == pytest.approx(told, abs=0.005)
+    assert "; 0.50 m of clearance are kept" in details(found)
+    formula = closed_form(found.vehicle, found.template, found.chosen)
+    assert formula is None or manoeuvre.size == pytest.approx(formula, abs=0.01)
 
 
 def test_what_a_place_has_to_spare_lies_at_its_end() -> None:

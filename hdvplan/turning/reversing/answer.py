@@ -63,13 +63,13 @@ class Manoeuvre:
         for leg in self.legs:
             gaps = [self.site.gaps(self.vehicle, leg.poses)] if self.site.blocks else []
             gaps += [self.site.gaps_to_ends(self.vehicle, leg.poses, walls)] if walls else []
-            found.append(np.concatenate(gaps).min(axis=(1, 2)) - bow(self.vehicle, leg))
+            found.append(np.concatenate(gaps).min(axis=(1, 2)) + self.site.clearance - bow(self.vehicle, leg))
         return np.array(found)
 
     @property
     def over_kerbs(self) -> float:
         """How far bodies reach over the blocks of the site [m]."""
-        bodies = replace(self.site, overhang=0.0)
+        bodies = replace(self.site, overhang=0.0, clearance=0.0)
         return max(0.0, -min((float(bodies.gaps(self.vehicle, leg.poses).min()) for leg in self.legs if self.site.blocks), default=0.0))
 
 
@@ -237,9 +237,9 @@ def _judged(site: Site, vehicle: Vehicle, legs: tuple[DrivenLeg, ...]) -> Manoeu
     bowed = max(bow(vehicle, leg) for leg in legs)
     reaches = np.concatenate([site.reaches(vehicle, leg.poses) for leg in legs]).max(axis=0) + bowed
     manoeuvre = Manoeuvre(vehicle, site, legs, reaches, site.base + float(reaches.sum()))
-    room = manoeuvre.room().min(axis=0) if site.blocks else np.zeros(1)
-    if room.min() < 0.0:
-        name, short = site.blocks[int(np.argmin(room))].name, f"{-room.min():.2f} m are lacking"
+    spare = (manoeuvre.room() - site.clearance).min(axis=0) if site.blocks else np.zeros(1)
+    if spare.min() < 0.0:
+        name, short = site.blocks[int(np.argmin(spare))].name, f"{-spare.min():.2f} m are lacking"
         msg = f"no way was found for the {vehicle.name} past the {name}, whatever the {site.template.words}: {short}"
-        raise TurnError(msg, hint="make what stands wider, or allow more overhang")
+        raise TurnError(msg, hint="make what stands wider, allow more overhang, or keep less clearance")
     return manoeuvre

@@ -49,11 +49,11 @@ class _About(NamedTuple):
     heeded: tuple[str, ...]  # options
 
 
-_HEAD = ("arm", "width", "kerb_radius", "overhang")
-_DOCK = ("apron", "door_spacing")
+_HEAD = ("arm", "width", "kerb_radius", "overhang", "clearance")
+_DOCK = ("apron", "door_spacing", "clearance")
 _ABOUT = {
     Template.THREE_POINT: _About(
-        "Turn round in a street between two walls or kerbs.", "width", "street width", ("width", "overhang"),
+        "Turn round in a street between two walls or kerbs.", "width", "street width", ("width", "overhang", "clearance"),
     ),
     Template.HAMMERHEAD: _About(
         "Turn round in a head of two arms across the end of the road: into one, back into the other, out.", "arm", "head length", _HEAD,
@@ -86,6 +86,7 @@ class SiteOptions:
     apron: Annotated[float | None, Setting("From the doors to the other side of a dock's yard [m].", "M", above=0.0)] = None
     door_spacing: Annotated[float | None, Setting("Between the axes of vehicles at neighbouring doors [m, 4].", "M", above=0.0)] = None
     overhang: Annotated[float | None, Setting("How far bodies may reach over kerbs [m; three-point 0, heads 1].", "M", least=0.0)] = None
+    clearance: Annotated[float | None, Setting("Room to keep from all that stands [m, 0].", "M", least=0.0)] = None
 
     def __post_init__(self) -> None:
         """Refuse what is no site."""

@@ -6,7 +6,7 @@ the left; where one drives on the left, it is the mirror image.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ class Site:
 
     ``ends`` are names and directions [rad] in which it is to be small; its size is ``base`` and how far the vehicle reaches in all of
     these. Wheels stay off all ``blocks``; bodies may reach over them by ``overhang``, and beyond ends by ``beyond_ends`` [m].
+    All keep ``clearance`` from there [m], which is no room.
     """
 
     template: Template
@@ -36,24 +37,25 @@ class Site:
     base: float = 0.0
     overhang: float = 0.0
     beyond_ends: float = 0.0
+    clearance: float = 0.0
 
     def reaches(self, vehicle: Vehicle, poses: Records) -> FloatArray:
         """Return how far the ends must be away for ``poses`` (..., units), shape (..., ends) [m]."""
         found = [reach(poses, bodies_of(vehicle), angle) - self.beyond_ends for _, angle in self.ends]
         if self.beyond_ends > 0.0:
             found = [np.maximum(far, reach(poses, wheels_of(vehicle), angle)) for far, (_, angle) in zip(found, self.ends, strict=True)]
-        return np.stack([far.max(axis=-1) for far in found], axis=-1)
+        return np.stack([far.max(axis=-1) for far in found], axis=-1) + self.clearance
 
     def gaps(self, vehicle: Vehicle, poses: Records, enough: float = np.inf) -> FloatArray:
         """Return the signed room between each block and the vehicle at ``poses`` (..., units), shape (blocks, ..., units) [m].
 
         Room above ``enough`` may be shown too small.
         """
-        return np.stack([_gap(block, vehicle, poses, self.overhang, enough) for block in self.blocks])
+        return np.stack([_gap(block, vehicle, poses, self.overhang, enough + self.clearance) for block in self.blocks]) - self.clearance
 
     def gaps_to_ends(self, vehicle: Vehicle, poses: Records, walls: tuple[Block, ...]) -> FloatArray:
         """Return the signed room between each of the ends, closed by ``walls``, and the vehicle, shape (ends, ..., units) [m]."""
-        return np.stack([_gap(wall, vehicle, poses, self.beyond_ends, np.inf) for wall in walls])
+        return np.stack([_gap(wall, vehicle, poses, self.beyond_ends, np.inf) for wall in walls]) - self.clearance
 
     def closed(self, reaches: FloatArray, size: float) -> tuple[Block, ...]:
         """Return walls at the ends: what ``size`` [m] has to spare of ``reaches`` (ends,) is shared between them."""
@@ -77,6 +79,10 @@ def site_of(template: Template, options: SiteOptions, vehicle: Vehicle) -> Site:
 
     """
     options.check_heeded(template)
+    return replace(_without_clearance(template, options, vehicle), clearance=options.clearance or 0.0)
+
+
+def _without_clearance(template: Template, options: SiteOptions, vehicle: Vehicle) -> Site:
     if template is Template.THREE_POINT:
         sides = (("far side", 0.5 * np.pi), ("near side", -0.5 * np.pi))
         return Site(template, (), sides, beyond_ends=options.overhang or 0.0)

@@ -31,12 +31,17 @@ def details(answer: Answer) -> str:
         formula = closed_form(answer.vehicle, answer.template, chosen)
         formula_text = "" if formula is None else f", {formula:.2f} m by formula"
         out = f"out, it drives {straight_out(chosen):.2f} m straight to pass its neighbours, then turns at full lock{formula_text}"
-        return f"{out}; less may do where it swings out: nothing is proved impossible{_STANDING}"
+        return f"{out}{_kept(answer)}; less may do where it swings out: nothing is proved impossible{_STANDING}"
     which = "which found" if len(sizes) == chosen.starts else f"{len(sizes)} of which found a way, in"
     over = chosen.manoeuvre.over_kerbs
     kerbs = f"; bodies reach {over:.2f} m over kerbs" if over >= _TOLD_M else ""
     best = f"the best of {chosen.starts} starts, {which} {sizes[0]:.2f} to {sizes[-1]:.2f} m; less may do: nothing is proved impossible"
-    return f"{best}{kerbs}{_STANDING}"
+    return f"{best}{_kept(answer)}{kerbs}{_STANDING}"
+
+
+def _kept(answer: Answer) -> str:
+    clearance = answer.chosen.manoeuvre.site.clearance
+    return f"; {clearance:.2f} m of clearance are kept" if clearance > 0.0 else ""
 
 
 def refusal(answer: Answer) -> str:
@@ -52,11 +57,11 @@ def closed_form(vehicle: Vehicle, template: Template, tried: Tried) -> float | N
     pull-out reaches as far as the outer front corner's circle, whose centre lies beside where the turn begins.
     """
     radius, half = 1.0 / vehicle.max_curvature, 0.5 * vehicle.lead.width
-    front = float(np.hypot(vehicle.lead.front, radius + half))
+    front = float(np.hypot(vehicle.lead.front, radius + half)) + tried.manoeuvre.site.clearance
     if vehicle.lead.steering_ratio > 0.0:
         return None
     if template is Template.THREE_POINT and tried.legs == 1:
-        return front + float(np.hypot(vehicle.lead.rear_overhang, radius + half))
+        return front + float(np.hypot(vehicle.lead.rear_overhang, radius + half)) + tried.manoeuvre.site.clearance
     if template is Template.DOCK_90:
         return straight_out(tried) + vehicle.reach_behind + front
     return None
