@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -46,6 +47,11 @@ def machine_facts() -> dict[str, object]:
         "system": platform.platform(),
         "python": f"{platform.python_implementation()} {platform.python_version()}",
     }
+
+
+def machine_words(facts: Mapping[str, object]) -> str:
+    """Return what decides how long a program takes: processor, cores and Python."""
+    return f"{facts.get('processor')}, {facts.get('cores')} cores, {facts.get('python')}"
 
 
 def load_average() -> list[float] | None:

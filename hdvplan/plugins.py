@@ -16,6 +16,7 @@ from importlib import import_module, metadata
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from traceback import extract_tb
+from types import ModuleType
 
 from hdvplan.errors import HdvplanError, OptionError, SolverError
 
@@ -60,6 +61,9 @@ def load(kind: Kind, name: str) -> Callable[..., object] | None:
         point = offers(kind).get(name)
         return None if point is None else _called(kind, name, lambda: point.load())  # noqa: PLW0108 - a bound method would load later too
     home, own = match["home"], match["name"]
+    if home.endswith(".py") and not Path(home).is_file():
+        msg = f"{kind.word} {name!r} cannot be loaded: there is no file {home!r}"
+        raise kind.error(msg, hint=f"a path counts from {Path.cwd()}")
     return _called(kind, name, lambda: getattr(_file(Path(home)) if home.endswith(".py") else import_module(home), own))
 
 
@@ -73,7 +77,10 @@ def _called(kind: Kind, name: str, get: Callable[[], object]) -> Callable[..., o
             hint = "a file is loaded by itself: what it imports must be installed, or in a folder of PYTHONPATH"
         elif isinstance(error, ModuleNotFoundError) and error.name and home.startswith(error.name):
             hint = "install the package, or name its file: file.py:name"
-        msg = f"{kind.word} {name!r} cannot be loaded: {error_text(error)}{raised_at(error)}"
+        own = name.rpartition(":")[2]
+        missing = isinstance(error, AttributeError) and isinstance(error.obj, ModuleType) and error.name == own
+        why = f"{home} has no {own}" if missing else f"{error_text(error)}{raised_at(error)}"
+        msg = f"{kind.word} {name!r} cannot be loaded: {why}"
         raise kind.error(msg, hint=hint) from error
     if not callable(found):
         msg = f"{kind.word} {name!r} cannot be called: it is of type {type(found).__name__}"

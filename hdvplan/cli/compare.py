@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -61,14 +62,20 @@ def _compared(base: Path, new: Path, decision: Decision, reports: Path | None, r
     from hdvplan.bench.comparing.compare import compare as compared
     from hdvplan.bench.comparing.counters import Tolerance
     from hdvplan.bench.comparing.reports import write_reports
-    from hdvplan.bench.comparing.sides import read_side
+    from hdvplan.bench.comparing.sides import check_same_settings, read_side
 
     rule, apart = decision.rule(), decision.envelope_tolerance
     if not apart >= 0.0:
         msg = f"--envelope-tolerance must be at least 0, not {apart:g}"
         raise OptionError(msg)
     sides = read_side(base), read_side(new)
-    comparison = compared(*sides, rule, Tolerance(envelope=apart), expect_changes=decision.expect_changes)
+    check_same_settings(*sides)
+    about = "; ".join(
+        f"{word}: {path} ({', '.join(side.machines) or 'machine unknown'})"
+        for word, path, side in zip(("base", "new"), (base, new), sides, strict=True)
+    )
+    found = compared(*sides, rule, Tolerance(envelope=apart), expect_changes=decision.expect_changes)
+    comparison = replace(found, about=about)
     if reports is not None:
         with writing(f"the reports to {reports}", None):
             write_reports(comparison, rule, None, reports)
@@ -108,6 +115,8 @@ def show(comparison: Comparison, rule: Rule, report: Report, again: str | None =
             print_tables(*comparison_tables(comparison))
             if comparison.failure is not None and comparison.failure.tail:
                 sys.stdout.write(f"{comparison.failure.tail}\n")
+            if comparison.about:
+                sys.stdout.write(f"{comparison.about}\n")
             if again is not None and comparison.verdict is not GateVerdict.FINE:
                 sys.stdout.write(f"again: {again}\n")
         sys.stdout.write(f"{verdict_line(comparison, rule)}\n")

@@ -182,6 +182,8 @@ def _row(name: str) -> Native | Generic | None:
     if row is not None or plugins.is_reference(name) or name in plugins.offers(plugins.SOLVER):
         return row
     msg = f"unknown solver {name!r}"
+    if name.endswith(".py"):
+        raise SolverError(msg, hint=f"of a file name the class, too: {name}:MySolver")
     if name.startswith(THROUGH):
         raise SolverError(msg, hint=f"through qpsolvers: {', '.join(GENERIC)}")
     known = [info.name for info in solver_infos()]

@@ -162,6 +162,7 @@ def test_a_cell_that_one_side_lacks_is_a_change() -> None:
     (change,) = held(whole, without).changes
     assert (change.cell[2], change.counter, change.base, change.new) == ("sqp", "cell", "measured", "missing")
     assert held(whole, without).verdict is GateVerdict.REGRESSED
+    assert verdict_line(held(whole, without), Rule()).startswith("regressed: 1 cell of the base was not measured")
 
 
 def test_a_cell_that_crashes_in_one_process_of_several_is_a_lost_plan_and_never_left_out() -> None:
@@ -366,6 +367,35 @@ def test_several_runs_in_a_folder_are_processes_of_one_side(cli: Cli, tmp_path: 
     outcome = cli("compare", "bases", "news")
     assert outcome.code == 0
     assert "with the middle ratio of 4, the interval" in " ".join(outcome.out.split())
+
+
+def test_times_of_another_machine_do_not_count(cli: Cli, tmp_path: Path, two_runs: tuple[Path, Path]) -> None:
+    rewrite(two_runs[1], lambda samples: samples.assign(total_s=1.5 * samples["total_s"], outer_s=1.5 * samples["outer_s"]))
+    record = json.loads((two_runs[1] / "run.json").read_text(encoding="utf-8"))
+    there = {**record, "machine": record["machine"] | {"processor": "Another 9000"}}
+    (two_runs[1] / "run.json").write_text(json.dumps(there), encoding="utf-8")
+    for number in range(5):
+        for name in ("base", "new"):
+            shutil.copytree(tmp_path / name, tmp_path / f"{name}s" / f"{number:02d}")
+    outcome = cli("compare", "bases", "news", "--reports", "told")
+    assert outcome.code == 3
+    words = "the sides were measured on different machines, so their times do not count"
+    assert outcome.out.splitlines()[-1] == f"could not measure: {words}"
+    told = json.loads((tmp_path / "told" / "comparison.json").read_text(encoding="utf-8"))
+    assert "; new: news (Another 9000, " in told["compared"]
+    assert "Another 9000" in (tmp_path / "told" / "summary.md").read_text(encoding="utf-8")
+    for number in range(5):
+        rewrite(tmp_path / "news" / f"{number:02d}", lambda samples: samples.assign(iterations=2 * samples["iterations"]))
+    assert cli("compare", "bases", "news").code == 1  # counters still do
+
+
+def test_runs_with_other_settings_are_no_same_cells(cli: Cli, two_runs: tuple[Path, Path]) -> None:
+    record = json.loads((two_runs[1] / "run.json").read_text(encoding="utf-8"))
+    other = {**record, "settings": record["settings"] | {"horizon": 50.0, "rounds": 9}}  # which rounds there are is no such setting
+    (two_runs[1] / "run.json").write_text(json.dumps(other), encoding="utf-8")
+    outcome = cli("compare", "base", "new")
+    assert outcome.code == 2
+    assert f"these are not the same cells: horizon was {record['settings']['horizon']}, is 50.0\n" in outcome.err
 
 
 def changed(name: str, column: str, value: str) -> Callable[[Path], None]:

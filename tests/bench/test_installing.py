@@ -18,6 +18,10 @@ from hdvplan.bench.comparing.programs import ProgramError, UnreachedError, insta
         ("x\nERROR: No matching distribution found for y\n\n", "No matching distribution found for y"),
         ("Traceback\nValueError: no version\nERROR: Failed to build\n", "ValueError: no version"),
         ("something\nelse\n", "else"),
+        (
+            "ERROR: Exception:\nTraceback\npip.InvalidRequirement: Invalid URL: git+file:///x\n",
+            "pip.InvalidRequirement: Invalid URL: git+file:///x",
+        ),
         ("", "the installer says nothing"),
     ],
 )

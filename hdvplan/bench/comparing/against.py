@@ -6,7 +6,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import monotonic
 
@@ -24,7 +24,7 @@ from hdvplan.bench.comparing.work import ABOUT, CommandWork, SuiteWork, Work, pl
 from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically
-from hdvplan.machine import load_average
+from hdvplan.machine import load_average, machine_facts, machine_words
 from hdvplan.signals import ended_by_signals
 from hdvplan.texts import encoded
 
@@ -282,8 +282,10 @@ def _compared(
             tail = error.tail if isinstance(error, ProgramError) else ""
             return failed(side, str(error), tail, blameless=isinstance(error, UnreachedError))
     old, now = contenders
-    listener.step(f"base: {old.program.name}; new: {now.program.name}")
-    return measure_against(old, now, settings, out, scratch, listener)
+    about = f"base: {old.program.name}; new: {now.program.name}"
+    listener.step(about)
+    found = measure_against(old, now, settings, out, scratch, listener)
+    return replace(found, about=f"{about}; both on {machine_words(machine_facts())}")
 
 
 def _work(program: Program, wanted: Suite | CommandWork, scratch: Scratch, side: str) -> Work:

@@ -34,7 +34,7 @@ _RELEASE = re.compile(  # a version of PEP 440
 )
 _HASH = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
 _ASKED_FOR = ("pyproject.toml", "setup.py", "setup.cfg", "requirements.txt")
-_KEPT = 8  # environments of revisions; one takes up to half a gigabyte where it has separate packages
+_KEPT = 4  # environments of revisions; one takes up to 0.7 GB where it has separate packages
 _READY = "ready"
 _BUILD = "hatch_build.py"  # compiles the core of a source tree of hdvplan, in place
 

@@ -120,7 +120,9 @@ class Program:
             with suppress(ValueError):
                 file, defaults = json.loads(ended.stdout)
         if not file:
-            msg = f"{self.name} cannot be started: its hdvplan says: {ended.words}"
+            none = "No module named 'hdvplan'" in ended.words
+            says = "it has no hdvplan, which drives the suite: list that in the project's dependencies, or measure with --command"
+            msg = f"{self.name} cannot be started: {says if none else f'its hdvplan says: {ended.words}'}"
             raise ProgramError(msg, tail=ended.tail, code=ended.code)
         if self.source is not None and not Path(file).resolve().is_relative_to(self.source.resolve()):
             msg = f"{self.name} cannot be started: the package is {file}"
@@ -181,7 +183,7 @@ def reason(ended: Ended) -> str:
     """Return why nothing was installed: the exception of a build, else the installer's own error."""
     lines = [" ".join(line.split()) for line in ended.stderr.splitlines() if line.strip()]
     raised = [line for line in lines if re.match(r"\w*(?:Error|Exception)\b.*:", line) and not line.startswith("ERROR")]
-    errors = [line.partition(": ")[2] for line in lines if line.lower().startswith("error: ")]
+    errors = [line.partition(": ")[2] for line in lines if line.lower().startswith("error: ") and not line.endswith("Exception:")]
     return (raised or errors or lines or ["the installer says nothing"])[-1]
 
 

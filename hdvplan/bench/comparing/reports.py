@@ -41,6 +41,7 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
     return {
         "verdict": str(comparison.verdict),
         "summary": verdict_line(comparison, rule),
+        "compared": comparison.about or None,
         "factor": rule.factor,
         "load_average": None if np.isnan(comparison.load) else comparison.load,
         "floor_ms": 1e3 * rule.floor,

@@ -18,6 +18,7 @@ from hdvplan.bench.suite import AS_SET, KEY
 from hdvplan.bench.tables import LOST, OK, read_plain
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json
+from hdvplan.machine import machine_words
 from hdvplan.texts import printable
 
 Name = tuple[str, ...]  # of a cell, as in KEY
@@ -27,6 +28,7 @@ RAN, UNREPORTED = "ran_s", "unreported_s"
 COLD = "cold"  # the folder of processes that began with an empty home
 _MOST_BYTES = 1e18  # more than any machine has
 _LEAST_S = 1e-6  # beside the steps, of a program that runs several at once
+_CHOICE = {"solvers", "vehicles", "roads", "schemes", "classes", "rounds", "budget", "step_limit", "cell_limit", "memory_limit"}
 _LONGEST = 300  # characters of a drive's last words
 
 
@@ -60,6 +62,12 @@ class Side:
     last_words: Mapping[Name, str] = field(default_factory=dict)  # of cells without a plan in any process: why, in one line
     cold: Processes = ()  # as ``processes``, each of which began with an empty home
     cold_about: tuple[Mapping[str, float], ...] = ()
+    records: tuple[Mapping[str, Mapping[str, object]], ...] = ()  # what run.json says of every process; none of a user's command
+
+    @property
+    def machines(self) -> dict[str, None]:
+        """What the processes were measured on, as far as they say, each machine once."""
+        return dict.fromkeys(machine_words(record["machine"]) for record in self.records if "machine" in record)
 
 
 def read_side(path: Path) -> Side:
@@ -99,7 +107,8 @@ def _side(path: Path, folders: list[Path]) -> Side:
         times = tuple(times_of(samples) for _, _, samples in tables)
         timings = [timing for timing, _, _ in tables]
         about = tuple(map(_about, folders, times))
-        return Side(counters_of(samples, timing, envelope), times, about, lost=_lost(timings), last_words=_last_words(timings))
+        counters, records = counters_of(samples, timing, envelope), tuple(map(_record, folders))
+        return Side(counters, times, about, lost=_lost(timings), last_words=_last_words(timings), records=records)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
         msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
         raise OptionError(msg, hint="measure it again") from error
@@ -142,6 +151,29 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
         places = steps.groupby("step")["s_m"].first().to_numpy(np.float64)
         cells[tuple(str(part) for part in key)] = Steps(tables["total_s"], tables["outer_s"], first, places)
     return cells
+
+
+def _record(folder: Path) -> Mapping[str, Mapping[str, object]]:
+    try:
+        record = read_json(folder / "run.json")
+        return {name: record[name] for name in ("machine", "settings") if isinstance(record.get(name), dict)}
+    except (OSError, ValueError, AttributeError):
+        return {}
+
+
+def check_same_settings(base: Side, new: Side) -> None:
+    """Refuse sides whose cells are not the same: planned with other settings. Which cells there are, and how often, is no such setting.
+
+    Raises:
+        OptionError: a setting differs.
+
+    """
+    settings = [side.records[0].get("settings", {}) if side.records else {} for side in (base, new)]
+    names = [name for name in settings[0] if name in settings[1] and name not in _CHOICE and settings[0][name] != settings[1][name]]
+    if names:
+        words = "; ".join(f"{name} was {settings[0][name]}, is {settings[1][name]}" for name in names)
+        msg = f"these are not the same cells: {words}"
+        raise OptionError(msg, hint="measure both with the same settings; --suite FILE keeps them")
 
 
 def _lost(timings: Sequence[pd.DataFrame]) -> dict[Name, str]:

@@ -37,6 +37,8 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     unknown = [entry for entry in comparison.times if entry.verdict is GateVerdict.UNMEASURABLE]
     cells = len(comparison.times)
     parts = _changed_parts(comparison.changes)
+    if comparison.elsewhere:
+        parts.append("the sides were measured on different machines, so their times do not count")
     if slower:
         parts.append(_longest(slower, cells, "slower"))
     worse = sorted((one for one in comparison.found if one.is_worse), key=lambda one: -one.decision.ratio)
@@ -69,9 +71,11 @@ def _longest(entries: Sequence[Entry], cells: int, what: str) -> str:
 
 def _changed_parts(changes: Sequence[Change]) -> list[str]:
     """Return what a comparison's changes are, in words: lost plans, other work, other counters."""
-    lost = len({change.cell for change in changes if no_longer_planned(change)})
+    gone = {change.cell for change in changes if change.counter == "cell" and change.new == "missing"}
+    lost = len({change.cell for change in changes if no_longer_planned(change)} - gone)
     why = next((f" ({change.why})" for change in changes if change.why), "")
     parts = [f"no plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
+    parts += [f"{len(gone)} cell{_s(len(gone))} of the base {'was' if len(gone) == 1 else 'were'} not measured"] if gone else []
     work = [change for change in changes if change.counter in _WORK and not no_longer_planned(change)]
     others = len({change.cell for change in changes} - {change.cell for change in work} - {c.cell for c in changes if c.counter == "cell"})
     if work:
@@ -122,6 +126,8 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
         parts += ["Whole processes:", _markdown(_FOUND, _rows(comparison.found))]
     if comparison.times:
         parts.append(_caption(comparison))
+    if comparison.about:
+        parts.append(_plain(comparison.about))
     return "\n\n".join(parts) + "\n"
 
 
@@ -156,7 +162,7 @@ def quantity_words(entry: Entry) -> str:
 def word_of(entry: Entry) -> str:
     """Return the verdict on a quantity in a word or two."""
     if entry.decision.unseen:
-        return _UNSEEN
+        return _UNSEEN if entry.decision.pairs >= FEWEST else "too few pairs"
     if not entry.decision.pairs:
         return "other steps"
     words = _MARKS if not entry.decision.needed else _WORDS
