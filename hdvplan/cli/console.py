@@ -130,9 +130,10 @@ def _lines(task: str) -> Callable[[float], None]:
     last = began = monotonic()
 
     def tell(share: float) -> None:
-        nonlocal first, last
-        first = share if first is None else first  # what an earlier run has done
+        nonlocal first, last, began
         now = monotonic()
+        if first is None:  # before it an earlier run has done what it has, or something is installed
+            first, began = share, now
         if now - last < _TELL_S:
             return
         last = now

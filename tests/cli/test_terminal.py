@@ -57,7 +57,7 @@ def test_without_a_terminal_a_line_every_ten_seconds_has_the_time_left(
     with progress("planning 8 cells", quiet=False) as tell:
         for share in (0.25, 0.5, 0.5, 0.75):  # an earlier run has done a quarter
             tell(share)
-    assert capsys.readouterr() == ("", "planning 8 cells: 50 %, about 22 s left\nplanning 8 cells: 75 %, about 1 min left\n")
+    assert capsys.readouterr() == ("", "planning 8 cells: 50 %, about 14 s left\nplanning 8 cells: 75 %, about 1 min left\n")
 
 
 def test_who_wants_silence_gets_it_without_a_terminal_too(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
