@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.driving.drive import Drive
@@ -12,6 +15,8 @@ from hdvplan.road.path import evaluate_many
 from hdvplan.vehicle.body import WheelTrack, axles_behind, corners_at, points_on, tracks_at
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Unit
+
+_GRID_M = 1e-6
 
 
 def placed(drive: Drive, numbers: IntArray) -> Records:
@@ -34,6 +39,14 @@ def swept_pieces(outlines: FloatArray) -> NDArray[np.object_]:
     moved = np.stack([outlines[:-1], ends[:-1], ends[1:], outlines[1:]], axis=-2)
     edges = shapely.make_valid(np.asarray(shapely.polygons(moved)))  # one that turns about a point of its own sweeps two triangles
     return np.concatenate([np.asarray(shapely.polygons(outlines)).ravel(), edges.ravel()])
+
+
+def united(areas: Sequence[BaseGeometry] | NDArray[np.object_]) -> BaseGeometry:
+    """Return the union of areas; where rounding defeats the exact one, as of edges that nearly coincide, on a grid of a micrometre."""
+    try:
+        return shapely.union_all(areas)
+    except shapely.errors.GEOSException:
+        return shapely.union_all(areas, grid_size=_GRID_M)
 
 
 def pose_at(drive: Drive, s: float) -> int:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.answers import NO, word_of, worded
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import Drive
-from hdvplan.judging.bodies import placed
+from hdvplan.judging.bodies import placed, united
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import Verdict, short_verdict, verdict_details, verdict_line, verdict_of
 from hdvplan.road.legs import Leg, Legs
@@ -56,7 +55,7 @@ class LegsResult:
     @cached_property
     def swept(self) -> tuple[BaseGeometry, ...]:
         """The area that all bodies sweep on each leg, in the plane [m]."""
-        return tuple(shapely.union_all(result.swept) for result in self.results)
+        return tuple(united(result.swept) for result in self.results)
 
     @property
     def worst(self) -> int:

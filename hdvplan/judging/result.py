@@ -16,7 +16,7 @@ from hdvplan.centring.stationary import Centring
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M, Balance, Breach, Gaps, balance_of, gaps_of
-from hdvplan.judging.bodies import corners, swept_pieces
+from hdvplan.judging.bodies import corners, swept_pieces, united
 from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import Envelope
 from hdvplan.judging.fit import Fit, fit_of
@@ -187,7 +187,7 @@ class Result:
     def swept(self) -> tuple[BaseGeometry, ...]:
         """The area that each body swept in the plane, also beyond the ends of the line, from each simulated pose to the next [m]."""
         outlines = np.moveaxis(corners(self.drive, np.arange(len(self.drive.poses_s))), 1, 0)
-        return tuple(shapely.simplify(shapely.union_all(swept_pieces(of_body)), _SIMPLER_M) for of_body in outlines)
+        return tuple(shapely.simplify(united(swept_pieces(of_body)), _SIMPLER_M) for of_body in outlines)
 
     @cached_property
     def approached(self) -> FloatArray:

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.arrays import BoolArray, FloatArray, Records
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.bodies import corners
+from hdvplan.judging.bodies import corners, united
 from hdvplan.judging.obstacles import Shapes
 from hdvplan.judging.result import Result
 from hdvplan.road.kerbs import kerb_of
@@ -180,4 +180,4 @@ def _swept(drive: Drive, stretch: tuple[float, float], strip: BaseGeometry, asid
     swept = np.asarray(shapely.polygons(np.concatenate([before, after, edges])))
     crossing = ~shapely.is_valid(swept)  # of the sides where a body turns
     swept[crossing] = shapely.make_valid(swept[crossing])
-    return shapely.union_all(swept).buffer(aside, quad_segs=4)
+    return united(swept).buffer(aside, quad_segs=4)

@@ -7,7 +7,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray, IntArray
-from hdvplan.judging.bodies import swept_pieces
+from hdvplan.judging.bodies import swept_pieces, united
 from hdvplan.report.kerbs import simple_line
 from hdvplan.report.layers import Drawn, Layer, Value, of_body
 from hdvplan.turning.follow import Followed
@@ -46,7 +46,7 @@ def _turned_area(driven: Followed, unit: int) -> BaseGeometry:
     rounds = [corners]
     if driven.manoeuvre.angle is None and s[-1] >= 2.0 * around:
         rounds = [corners[s < driven.manoeuvre.lead_in + around], corners[s > s[-1] - around]]
-    return shapely.union_all(np.concatenate([swept_pieces(one) for one in rounds]))
+    return united(np.concatenate([swept_pieces(one) for one in rounds]))
 
 
 def shown_poses(driven: Followed) -> list[int]:
@@ -85,7 +85,7 @@ def line_of(leg: DrivenLeg) -> FloatArray:
 
 def leg_area(answer: Answer, leg: DrivenLeg, unit: int) -> BaseGeometry:
     """Return the plane area that a body sweeps on a leg [m]."""
-    return shapely.union_all(swept_pieces(corners_at(answer.vehicle, leg.poses[_spaced(leg.s, _AREA_M)])[:, unit]))
+    return united(swept_pieces(corners_at(answer.vehicle, leg.poses[_spaced(leg.s, _AREA_M)])[:, unit]))
 
 
 def _standing(vehicle: Vehicle, outlines: FloatArray) -> list[Drawn]:

@@ -26,7 +26,7 @@ from hdvplan.turning.turn import Turn, verdict
 from hdvplan.vehicle.body import corners_at
 
 _ROOM_M = 2.0
-_TITLE = 110  # characters a line
+_TITLE, _NOTICE = 110, 170  # characters a line
 _WIDE, _HIGH = 11.0, (6.0, 12.0)  # of the picture of legs [inches]
 
 
@@ -127,7 +127,8 @@ def reversal_figure(answer: Answer) -> Figure:
     axes.set_axis_off()
     scale_bar(axes)
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=3, borderaxespad=0.2)
-    write_head(figure, words.verdict(answer), answer_colour(fits=answer.fits), notice=words.details(answer))
+    notice = "\n".join(textwrap.wrap(words.details(answer), _NOTICE))
+    write_head(figure, words.verdict(answer), answer_colour(fits=answer.fits), notice=notice)
     return figure
 
 

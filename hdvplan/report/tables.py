@@ -144,8 +144,11 @@ def facts_table(road: Road, facts: RoadFacts) -> Table:
 def fits_table(fits: list[Fit]) -> Table:
     """Return what each vehicle needs, what is to spare, and the verdict."""
     rows = [(fit.vehicle, f"{fit.half_width:.2f}", "-" if fit.spare is None else f"{fit.spare:+.2f}", _fit_remark(fit)) for fit in fits]
-    columns = ("vehicle", "needs +- [m]", "spare [m]", "verdict")
-    return grid("preset vehicles, balanced by geometry", columns, rows, text=("vehicle", "verdict"))
+    columns, caption = (
+        ("vehicle", "needs +- [m]", "spare [m]", "forecast"),
+        "by curvature alone; `hdvplan plan` answers",
+    )
+    return grid("preset vehicles, balanced by geometry", columns, rows, text=("vehicle", "forecast"), caption=caption)
 
 
 def findings_table(fits: list[Fit]) -> list[Table]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import BoolArray
+from hdvplan.judging.bodies import united
 from hdvplan.judging.result import Result
 from hdvplan.judging.straying import SPACING_M, Posed, chain_of
 from hdvplan.judging.tracked import BRUSH, Tracked
@@ -34,7 +35,7 @@ def tubes_of(result: Result, stretches: Sequence[tuple[float, float]]) -> list[B
     tracked.bounded(tracking.error)
     tracked.follow(front[shown])
     outlines = _outlines(tracked, Posed(s[shown], poses[shown], front[shown]))
-    return [shapely.union_all(outlines[one[shown]]).buffer(_TEETH_M).buffer(-_TEETH_M) for one in within]
+    return [united(outlines[one[shown]]).buffer(_TEETH_M).buffer(-_TEETH_M) for one in within]
 
 
 def _outlines(tracked: Tracked, posed: Posed) -> NDArray[np.object_]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import scipy  # its subpackages load when they are first used
+import shapely
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.errors import RoadError
@@ -22,6 +23,7 @@ _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
 _GAP_M = 0.5  # ends of two lines this close are one kerb
 _OVERLAP_M = 1.0  # kerbs that run beside each other for longer are two
+_ELSEWHERE_M, _LAID = 1000.0, 200  # no street is so wide; places of the road
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
 
@@ -33,9 +35,10 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
     a kerb is straight.
 
     Raises:
-        RoadError: a line crosses the road between its ends, and does not just close an area there.
+        RoadError: a line crosses the road between its ends, and does not just close an area there; all lines are somewhere else.
 
     """
+    _refuse_elsewhere(path, edges)
     longer = path.extended(BEYOND_M, BEYOND_M)
     pieces: list[Kerb] = []
     across: list[str] = []
@@ -52,6 +55,20 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
         shown = [part for piece in own for part in within_lap(replace(piece, goes_on=False), path)]
         notes += _gaps(sorted(shown, key=lambda kerb: kerb.s[0]), path.length, "left" if left else "right")
     return (*kerbs, *(piece for piece in pieces if not piece.goes_on)), (*notes, *dict.fromkeys(across))
+
+
+def _refuse_elsewhere(path: ReferencePath, edges: tuple[FloatArray, ...]) -> None:
+    """Refuse edges none of which is anywhere near the road.
+
+    Raises:
+        RoadError: all are further away than ``_ELSEWHERE_M``.
+
+    """
+    line = shapely.LineString(np.column_stack(path.to_plane(np.linspace(0.0, path.length, _LAID), 0.0)))
+    far = float(np.min(shapely.distance(line, [shapely.LineString(edge) for edge in edges]))) if edges else 0.0
+    if far > _ELSEWHERE_M:
+        msg = f"the edges lie {far / 1e3:.0f} km from the road"
+        raise RoadError(msg, hint="are their coordinates swapped (longitude comes first), or of another system?")
 
 
 def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tuple[list[Kerb], list[str]]:

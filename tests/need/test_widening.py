@@ -9,6 +9,7 @@ import shapely
 from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import PlanError
+from hdvplan.judging.bodies import united
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, edge_need_of, need_of
@@ -186,3 +187,17 @@ def test_a_wall_beyond_the_line_s_end_moves_by_what_the_front_reaches_over_it_on
     assert widenings.depth is not None
     assert widenings.depth.depth == pytest.approx(0.2, abs=0.03)  # tolerances of need and verdict
     assert widenings.depth.area == pytest.approx(0.2 * BUS.width, abs=0.03 * BUS.width)
+
+
+def test_a_union_that_rounding_defeats_is_made_on_a_grid_of_a_micrometre(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Areas that a long vehicle sweeps in a hairpin were no union on one kind of processor: "Ring edge missing"."""
+    exact = shapely.union_all
+
+    def fragile(areas: list[shapely.Polygon], grid_size: float | None = None) -> object:
+        if grid_size is None:
+            msg = "TopologyException: Ring edge missing"
+            raise shapely.errors.GEOSException(msg)
+        return exact(areas, grid_size=grid_size)
+
+    monkeypatch.setattr(shapely, "union_all", fragile)
+    assert united([shapely.box(0.0, 0.0, 2.0, 1.0), shapely.box(1.0, 0.0, 3.0, 1.0)]).area == pytest.approx(3.0, abs=1e-5)

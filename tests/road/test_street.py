@@ -11,6 +11,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.errors import RoadError
 from hdvplan.road.about import About
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.given import given_line
@@ -462,3 +463,13 @@ def test_the_kerb_inside_a_ring_that_its_width_fills_bounds_nothing() -> None:
     path = ring(5.0)
     street = Street.along(path, About.smooth(path).kerbs(Limits.constant(6.0, 3.0, path.length)))
     assert not np.any(street.pieces(-path.length, 2.0 * path.length).pieces["left"])
+
+
+def test_edges_far_from_everywhere_are_refused_rather_than_an_open_street() -> None:
+    """As a file has them whose edges have their coordinates swapped."""
+    far = np.array([[0.0, 5.0e6], [100.0, 5.0e6]])
+    with pytest.raises(RoadError, match="the edges lie 5000 km from the road") as refused:
+        drawn_kerbs(arc(0.0, 100.0), (far,))
+    assert "coordinates swapped" in (refused.value.hint or "")
+    _, notes = drawn_kerbs(arc(0.0, 100.0), (far, np.array([[0.0, 3.0], [100.0, 3.0]])))  # some are of another street
+    assert notes == ("no edge on the right: it is open to 20 m",)

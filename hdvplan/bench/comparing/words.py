@@ -162,7 +162,7 @@ def quantity_words(entry: Entry) -> str:
 def word_of(entry: Entry) -> str:
     """Return the verdict on a quantity in a word or two."""
     if entry.decision.unseen:
-        return _UNSEEN if entry.decision.pairs >= FEWEST else "too few pairs"
+        return _UNSEEN
     if not entry.decision.pairs:
         return "other steps"
     words = _MARKS if not entry.decision.needed else _WORDS

@@ -241,5 +241,5 @@ def _judged(site: Site, vehicle: Vehicle, legs: tuple[DrivenLeg, ...]) -> Manoeu
     if spare.min() < 0.0:
         name, short = site.blocks[int(np.argmin(spare))].name, f"{-spare.min():.2f} m are lacking"
         msg = f"no way was found for the {vehicle.name} past the {name}, whatever the {site.template.words}: {short}"
-        raise TurnError(msg, hint="make what stands wider, allow more overhang, or keep less clearance")
+        raise TurnError(msg, hint="give a larger --width, --kerb-radius, --overhang or --door-spacing, or less --clearance")
     return manoeuvre
