@@ -279,13 +279,18 @@ def main() -> None:
     """Measure everything and write it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/balanced"), metavar="DIR")
-    parser.add_argument("--only", choices=("s-turns", "roads"), help="make this table alone")
+    alone: dict[str, Callable[[list[Case]], pd.DataFrame]] = {
+        "s-turns": family,
+        "roads": lambda driven: road_gains(real_roads(driven)),
+        "step-times": step_times,
+    }
+    parser.add_argument("--only", choices=alone, help="make this table alone")
     asked = parser.parse_args()
     out: Path = asked.out
     out.mkdir(parents=True, exist_ok=True)
     driven: list[Case] = []
     if asked.only:
-        write(out, asked.only, family(driven) if asked.only == "s-turns" else road_gains(real_roads(driven)))
+        write(out, asked.only, alone[asked.only](driven))
         return
     cases = family(driven)
     write(out, "s-turns", cases)
