@@ -50,8 +50,8 @@ def machine_facts() -> dict[str, object]:
 
 
 def machine_words(facts: Mapping[str, object]) -> str:
-    """Return what decides how long a program takes: processor, cores and Python."""
-    return f"{facts.get('processor')}, {facts.get('cores')} cores, {facts.get('python')}"
+    """Return what a machine is, as far as times depend on it: processor and cores."""
+    return f"{facts.get('processor')}, {facts.get('cores')} cores"
 
 
 def load_average() -> list[float] | None:

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy  # its subpackages load when they are first used
-import shapely
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.errors import RoadError
@@ -23,7 +22,7 @@ _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
 _GAP_M = 0.5  # ends of two lines this close are one kerb
 _OVERLAP_M = 1.0  # kerbs that run beside each other for longer are two
-_ELSEWHERE_M, _LAID = 1000.0, 200  # no street is so wide; places of the road
+_ELSEWHERE_M = 1000.0  # no street is so wide
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
 
@@ -38,14 +37,16 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
         RoadError: a line crosses the road between its ends, and does not just close an area there; all lines are somewhere else.
 
     """
-    _refuse_elsewhere(path, edges)
+    about = About.smooth(path)
+    if edges:
+        _refuse_elsewhere(about.points, np.concatenate(edges))
     longer = path.extended(BEYOND_M, BEYOND_M)
     pieces: list[Kerb] = []
     across: list[str] = []
     for edge in edges:
         found, told = _sided(longer, path, edge)
         pieces, across = [*pieces, *found], [*across, *told]
-    open_place = About.smooth(path).kerbs(Limits.constant(OPEN_M, OPEN_M, path.length))
+    open_place = about.kerbs(Limits.constant(OPEN_M, OPEN_M, path.length))
     kerbs: list[Kerb] = []
     notes: list[str] = []
     for left in (True, False):
@@ -57,15 +58,15 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
     return (*kerbs, *(piece for piece in pieces if not piece.goes_on)), (*notes, *dict.fromkeys(across))
 
 
-def _refuse_elsewhere(path: ReferencePath, edges: tuple[FloatArray, ...]) -> None:
-    """Refuse edges none of which is anywhere near the road.
+def _refuse_elsewhere(line: FloatArray, edges: FloatArray) -> None:
+    """Refuse edges none of which is anywhere near the road; points of both, shape (n, 2) [m].
 
     Raises:
-        RoadError: all are further away than ``_ELSEWHERE_M``.
+        RoadError: what is drawn is further away than ``_ELSEWHERE_M``.
 
     """
-    line = shapely.LineString(np.column_stack(path.to_plane(np.linspace(0.0, path.length, _LAID), 0.0)))
-    far = float(np.min(shapely.distance(line, [shapely.LineString(edge) for edge in edges]))) if edges else 0.0
+    apart = np.maximum(line.min(axis=0) - edges.max(axis=0), edges.min(axis=0) - line.max(axis=0))  # of both extents
+    far = float(np.hypot(*np.maximum(apart, 0.0)))
     if far > _ELSEWHERE_M:
         msg = f"the edges lie {far / 1e3:.0f} km from the road"
         raise RoadError(msg, hint="are their coordinates swapped (longitude comes first), or of another system?")

@@ -389,6 +389,14 @@ def test_times_of_another_machine_do_not_count(cli: Cli, tmp_path: Path, two_run
     assert cli("compare", "bases", "news").code == 1  # counters still do
 
 
+def test_another_python_is_no_other_machine(cli: Cli, two_runs: tuple[Path, Path]) -> None:
+    """As where `bench --against` has another Python's path for its base."""
+    record = json.loads((two_runs[1] / "run.json").read_text(encoding="utf-8"))
+    there = {**record, "machine": record["machine"] | {"python": "CPython 4.0.0"}}
+    (two_runs[1] / "run.json").write_text(json.dumps(there), encoding="utf-8")
+    assert cli("compare", "base", "new", "--quiet").out == "fine: no cell of 2 is slower by more than a factor of 1.08\n"
+
+
 def test_runs_with_other_settings_are_no_same_cells(cli: Cli, two_runs: tuple[Path, Path]) -> None:
     record = json.loads((two_runs[1] / "run.json").read_text(encoding="utf-8"))
     other = {**record, "settings": record["settings"] | {"horizon": 50.0, "rounds": 9}}  # which rounds there are is no such setting

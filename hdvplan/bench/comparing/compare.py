@@ -199,8 +199,12 @@ def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Co
 
 def no_longer_planned(change: Change) -> bool:
     """Tell whether a change is a cell that was planned to its end before, and is not now."""
-    lost = change.counter == "status" and change.base == OK and change.new in LOST
-    return lost or (change.counter == "cell" and change.new == "missing")
+    return is_missing(change) or (change.counter == "status" and change.base == OK and change.new in LOST)
+
+
+def is_missing(change: Change) -> bool:
+    """Tell whether a change is a cell of the base that was not measured."""
+    return change.counter == "cell" and change.new == "missing"
 
 
 def _verdict(changes: Iterable[Change], times: Sequence[Entry], found: Iterable[Entry], *, expect_changes: bool) -> GateVerdict:

@@ -10,7 +10,7 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from hdvplan.bench.comparing.compare import Comparison, Entry, no_longer_planned
+from hdvplan.bench.comparing.compare import Comparison, Entry, is_missing, no_longer_planned
 from hdvplan.bench.comparing.counters import IN_STEPS, Change
 from hdvplan.bench.comparing.decision import FEWEST, FEWEST_PAIRS, GateVerdict, Rule
 from hdvplan.bench.suite import KEY, cell_words
@@ -71,7 +71,7 @@ def _longest(entries: Sequence[Entry], cells: int, what: str) -> str:
 
 def _changed_parts(changes: Sequence[Change]) -> list[str]:
     """Return what a comparison's changes are, in words: lost plans, other work, other counters."""
-    gone = {change.cell for change in changes if change.counter == "cell" and change.new == "missing"}
+    gone = {change.cell for change in changes if is_missing(change)}
     lost = len({change.cell for change in changes if no_longer_planned(change)} - gone)
     why = next((f" ({change.why})" for change in changes if change.why), "")
     parts = [f"no plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []

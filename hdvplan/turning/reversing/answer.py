@@ -63,13 +63,13 @@ class Manoeuvre:
         for leg in self.legs:
             gaps = [self.site.gaps(self.vehicle, leg.poses)] if self.site.blocks else []
             gaps += [self.site.gaps_to_ends(self.vehicle, leg.poses, walls)] if walls else []
-            found.append(np.concatenate(gaps).min(axis=(1, 2)) + self.site.clearance - bow(self.vehicle, leg))
+            found.append(np.concatenate(gaps).min(axis=(1, 2)) - bow(self.vehicle, leg))
         return np.array(found)
 
     @property
     def over_kerbs(self) -> float:
         """How far bodies reach over the blocks of the site [m]."""
-        bodies = replace(self.site, overhang=0.0, clearance=0.0)
+        bodies = replace(self.site, overhang=0.0)
         return max(0.0, -min((float(bodies.gaps(self.vehicle, leg.poses).min()) for leg in self.legs if self.site.blocks), default=0.0))
 
 

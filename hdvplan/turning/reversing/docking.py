@@ -40,7 +40,7 @@ def pull_out(vehicle: Vehicle, site: Site, spacing: float) -> DrivenLeg:
         return driven(vehicle, door, ((straight, 0.0), *arcs), spacing)
 
     def spare(straight: float) -> float:
-        return float(site.gaps(vehicle, out(straight).poses).min()) - KEPT_M
+        return float(site.gaps(vehicle, out(straight).poses).min()) - site.clearance - KEPT_M
 
     if np.abs(out(0.0).beta).max(initial=0.0) >= _FOLDED_RAD:
         msg = f"the {vehicle.name} would push its trailer backwards at full lock"

@@ -50,7 +50,10 @@ class Found:
 
 @dataclass(frozen=True)
 class Measured:
-    """What candidates need: reaches to the ends (candidates, poses, ends), and the least room to blocks (candidates, poses) [m]."""
+    """What candidates need: reaches to the ends (candidates, poses, ends), and the least room to blocks (candidates, poses) [m].
+
+    Both are beyond the clearance that is kept.
+    """
 
     reaches: FloatArray
     room: FloatArray
@@ -102,7 +105,8 @@ def _measured(site: Site, vehicle: Vehicle, lead: FloatArray) -> Measured:
     poses = posed(vehicle, lead)
     if not site.blocks:
         return Measured(site.reaches(vehicle, poses), np.full(lead.shape[:2], np.inf))
-    return Measured(site.reaches(vehicle, poses), site.gaps(vehicle, poses, KEPT_M).min(axis=(0, 3)))
+    room = site.gaps(vehicle, poses, site.clearance + KEPT_M).min(axis=(0, 3)) - site.clearance
+    return Measured(site.reaches(vehicle, poses), room)
 
 
 def _global(cost: Cost, low: FloatArray, high: FloatArray, seed: int) -> FloatArray:

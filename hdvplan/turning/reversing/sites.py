@@ -28,7 +28,7 @@ class Site:
 
     ``ends`` are names and directions [rad] in which it is to be small; its size is ``base`` and how far the vehicle reaches in all of
     these. Wheels stay off all ``blocks``; bodies may reach over them by ``overhang``, and beyond ends by ``beyond_ends`` [m].
-    All keep ``clearance`` from there [m], which is no room.
+    From there all keep ``clearance`` [m].
     """
 
     template: Template
@@ -51,11 +51,11 @@ class Site:
 
         Room above ``enough`` may be shown too small.
         """
-        return np.stack([_gap(block, vehicle, poses, self.overhang, enough + self.clearance) for block in self.blocks]) - self.clearance
+        return np.stack([_gap(block, vehicle, poses, self.overhang, enough) for block in self.blocks])
 
     def gaps_to_ends(self, vehicle: Vehicle, poses: Records, walls: tuple[Block, ...]) -> FloatArray:
         """Return the signed room between each of the ends, closed by ``walls``, and the vehicle, shape (ends, ..., units) [m]."""
-        return np.stack([_gap(wall, vehicle, poses, self.beyond_ends, np.inf) for wall in walls]) - self.clearance
+        return np.stack([_gap(wall, vehicle, poses, self.beyond_ends, np.inf) for wall in walls])
 
     def closed(self, reaches: FloatArray, size: float) -> tuple[Block, ...]:
         """Return walls at the ends: what ``size`` [m] has to spare of ``reaches`` (ends,) is shared between them."""

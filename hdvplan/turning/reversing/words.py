@@ -56,12 +56,12 @@ def closed_form(vehicle: Vehicle, template: Template, tried: Tried) -> float | N
     A half turn in one move without swinging out takes the circles of the outer front corner and of the outer tail, one for each side. A
     pull-out reaches as far as the outer front corner's circle, whose centre lies beside where the turn begins.
     """
-    radius, half = 1.0 / vehicle.max_curvature, 0.5 * vehicle.lead.width
-    front = float(np.hypot(vehicle.lead.front, radius + half)) + tried.manoeuvre.site.clearance
+    radius, half, kept = 1.0 / vehicle.max_curvature, 0.5 * vehicle.lead.width, tried.manoeuvre.site.clearance
+    front = float(np.hypot(vehicle.lead.front, radius + half)) + kept
     if vehicle.lead.steering_ratio > 0.0:
         return None
     if template is Template.THREE_POINT and tried.legs == 1:
-        return front + float(np.hypot(vehicle.lead.rear_overhang, radius + half)) + tried.manoeuvre.site.clearance
+        return front + float(np.hypot(vehicle.lead.rear_overhang, radius + half)) + kept
     if template is Template.DOCK_90:
         return straight_out(tried) + vehicle.reach_behind + front
     return None
