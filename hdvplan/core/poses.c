@@ -2,8 +2,8 @@
  * free space allows. */
 #include <math.h>
 
+#include "gate.h"
 #include "numbers.h"
-#include "prove.h"
 
 #define SMALL 1e-9    /* sine of a body that lies along the road */
 #define CELL_RAD 2e-3 /* of heading, for a body alone [rad] */
@@ -34,22 +34,30 @@ allowed_by(const struct hdv_around *around, const struct hdv_line *line, int64_t
     return (struct interval){low, high};
 }
 
+/* Where a point can be, as bins of one region: from first to last. */
+struct bins_met {
+    const int64_t *free;
+    const struct hdv_line *lines;
+    int64_t first, last;
+};
+
+static struct bins_met bins_met(const struct hdv_around *around, int64_t region, struct place_of_point at) {
+    return (struct bins_met){
+        around->free + region * around->bins, around->lines + region * around->bins * HDV_FREE_INTERVALS,
+        bin_of(around, at.u - at.du), bin_of(around, at.u + at.du)
+    };
+}
+
 /* Cut pieces down to where one point lies in free space; return how many are left. */
 static int64_t trim_point(
-    const struct hdv_around *around, int64_t region, struct place_of_point at, struct interval *pieces, int64_t number
+    const struct hdv_around *around, struct bins_met met, struct place_of_point at, struct interval *pieces,
+    int64_t number
 ) {
     struct interval room[2 * HDV_FREE_INTERVALS];
-    const int64_t *free = around->free + region * around->bins;
-    const struct hdv_line *lines = around->lines + region * around->bins * HDV_FREE_INTERVALS;
-    int64_t first = bin_of(around, at.u - at.du), last = bin_of(around, at.u + at.du), left = 0;
-    if (number == 1 && first == last && free[first] == 1) { /* nearly always */
-        struct interval allowed = allowed_by(around, &lines[first * HDV_FREE_INTERVALS], first, at);
-        pieces[0] = (struct interval){larger(pieces[0].low, allowed.low), smaller(pieces[0].high, allowed.high)};
-        return pieces[0].low > pieces[0].high ? 0 : 1;
-    }
-    for (int64_t b = first; b <= last; b++) {
-        for (int64_t c = 0; c < free[b]; c++) {
-            struct interval allowed = allowed_by(around, &lines[b * HDV_FREE_INTERVALS + c], b, at);
+    int64_t left = 0;
+    for (int64_t b = met.first; b <= met.last; b++) {
+        for (int64_t c = 0; c < met.free[b]; c++) {
+            struct interval allowed = allowed_by(around, &met.lines[b * HDV_FREE_INTERVALS + c], b, at);
             for (int64_t k = 0; k < number; k++) {
                 double low = larger(allowed.low, pieces[k].low), high = smaller(allowed.high, pieces[k].high);
                 left = join_interval(room, left, 2 * HDV_FREE_INTERVALS, low, high);
@@ -57,6 +65,20 @@ static int64_t trim_point(
         }
     }
     return keep_intervals(room, left, pieces, HDV_FREE_INTERVALS);
+}
+
+/* Cut a single piece down by a point that meets one free interval, nearly always; else change nothing and return 0. */
+HDV_INLINE int
+trim_piece(const struct hdv_around *around, struct bins_met met, struct place_of_point at, struct interval *piece) {
+    if (met.last > met.first + 1 || met.free[met.first] != 1 || met.free[met.last] != 1)
+        return 0;
+    struct interval one = allowed_by(around, &met.lines[met.first * HDV_FREE_INTERVALS], met.first, at);
+    struct interval two = allowed_by(around, &met.lines[met.last * HDV_FREE_INTERVALS], met.last, at);
+    if (!touches(one, two))
+        return 0;
+    piece->low = larger(piece->low, smaller(one.low, two.low));
+    piece->high = smaller(piece->high, larger(one.high, two.high));
+    return 1;
 }
 
 /* Between which distances left of its axis a body meets the line u ahead of the axle: empty where it does not. */
@@ -108,7 +130,11 @@ int64_t trim(
     double cosine = cos(pose.turned), sine = sin(pose.turned);
     for (int64_t p = 0; p < outline->point_count && number > 0; p++) {
         struct place_of_point at = place_of_point(outline->points + 2 * p, pose, cosine, sine);
-        number = trim_point(around, outline->region[p], at, pieces, number);
+        struct bins_met met = bins_met(around, outline->region[p], at);
+        if (number == 1 && trim_piece(around, met, at, pieces))
+            number = pieces->low <= pieces->high;
+        else
+            number = trim_point(around, met, at, pieces, number);
     }
     return number > 0 ? off_corners(outline, pose, around, pieces, number) : 0;
 }

@@ -113,7 +113,7 @@ struct hdv_cells {
     struct interval *pieces;
 };
 
-#define HDV_LEADING 0.04 /* cells of the leading heading in which the room that a trailer leaves is tabulated [rad] */
+#define HDV_LEADING 0.04 /* cells of |leading heading| in which the room that a trailer leaves is tabulated [rad] */
 
 /* Tables over x = theta - W, from first in steps of step [rad]: hdvplan/proof/articulated.py. */
 struct hdv_coupling {

@@ -197,16 +197,16 @@ static void reach_next(
 }
 
 /* Between which offsets the coupling can lie, when the trailer's heading is within spread of heading off the road's. It
- * depends on the leading unit's heading turned only by how far the coupling lies ahead: so what was found at a station
- * is kept. */
+ * depends on the leading unit's heading turned only by how far the coupling lies ahead, left or right: so what was
+ * found at a station is kept. */
 static struct interval
 trailer_room(const struct follow *follow, double turned, double heading, double spread, int64_t i) {
     const struct hdv_around *around = follow->around;
     double offset = follow->pair->coupling->hitch_offset, strip = follow->grid->size, reach = fabs(offset),
            station = (double)(i + 1);
-    int64_t leading = (int64_t)((turned + 0.5 * HALF_CIRCLE) / HDV_LEADING);
-    double middle = ((double)leading + 0.5) * HDV_LEADING - 0.5 * HALF_CIRCLE, u = -offset * cos(middle);
-    double give = reach * (fabs(sin(middle)) + 0.5 * HDV_LEADING) * 0.5 * HDV_LEADING;
+    int64_t leading = (int64_t)(fabs(turned) / HDV_LEADING);
+    double middle = ((double)leading + 0.5) * HDV_LEADING, u = -offset * cos(middle);
+    double give = reach * (sin(middle) + 0.5 * HDV_LEADING) * 0.5 * HDV_LEADING;
     int64_t first = whole((heading - spread + HALF_CIRCLE) / strip, 0, follow->trailers);
     int64_t last = whole((heading + spread + HALF_CIRCLE) / strip, -1, follow->trailers - 1);
     struct interval found = {INFINITY, -INFINITY};
@@ -331,7 +331,7 @@ static void trim_polygons(
 }
 
 /* Follow everything that a vehicle can reach from any pose at the first station, until nothing is left. memory is two
- * sets of polygons; allowed (leading headings in steps of HDV_LEADING, trailer headings in steps of the grid, trailers
+ * sets of polygons; allowed (|leading heading| in steps of HDV_LEADING, trailer headings in steps of the grid, trailers
  * of them) begins with zeros. */
 HDV_EXPORT void hdv_reachable_with_trailer(
     const struct hdv_coupled *pair, double kappa, const struct hdv_frame *frame, const struct hdv_grid *grid,

@@ -26,7 +26,8 @@ from hdvplan.road.road import Road
 TOLERANCE_M = 0.01  # of every answer
 WIDE_M = 15.0  # no more room is looked for; obstacles count to 20 m off the line
 _ROUNDING_M = 1e-6
-_GROWTH = 4.0  # of the step of a search while it succeeds
+_STEP_M = 0.64  # that a search begins with, and the longest
+_FACTOR = 4.0  # by which steps grow where they succeed, and shrink where they fail
 _GAIN_M = 1e-3  # a last step that gains less ends the search
 _NONE_M = 0.1  # the least reach that is asked for: kerbs of one side lie on that side of the line
 OTHER = {"left": "right", "right": "left"}
@@ -97,8 +98,8 @@ def least(
     """Return the least room of ``question`` along ``case.road``, to ``TOLERANCE_M``.
 
     Plans that are ``known``, made for any street of the same line, or one within the first limits give a bound. From there the search goes
-    down, in steps that grow while they succeed; one that is too long nearly always ends close to the least. ``on_progress`` receives a
-    share that grows from 0 to 1, ``on_result`` every new plan.
+    down, in steps that grow where they succeed and shrink where they fail, of at most half of what is not known: plans within far too little
+    room take longest. ``on_progress`` receives a share that grows from 0 to 1, ``on_result`` every new plan.
     """
     best = Least(np.inf, None, question.lowest, question.lowest, 0, None)
     for result in known:
@@ -106,18 +107,21 @@ def least(
     for room in question.first:
         if not np.isfinite(best.room):
             best = _tried(case, question, room, ATTEMPTS, best, on_result)
-    low, whole, step = question.lowest, best.room - question.lowest, TOLERANCE_M
+    low, whole, step = question.lowest, best.room - question.lowest, _STEP_M
     while np.isfinite(best.room) and best.room - best.out_of_reach > TOLERANCE_M + _ROUNDING_M:
+        step = max(min(step, 0.5 * (best.room - low)), TOLERANCE_M)
         wanted = max(best.room - step, question.lowest)
         last, before = best.room - wanted <= TOLERANCE_M + _ROUNDING_M, best.room
         best = _tried(case, question, wanted, ATTEMPTS if last else ATTEMPTS[:1], best, on_result)
-        if best.room <= (before - _GAIN_M if last else wanted + _GIVES_M):
-            step *= _GROWTH
+        if best.room <= wanted + _GIVES_M:
+            step = min(_FACTOR * step, _STEP_M)
             if wanted == question.lowest:
                 break
+        elif last and best.room > before - _GAIN_M:
+            best = replace(best, out_of_reach=wanted)
         else:
-            best, low, step = replace(best, out_of_reach=wanted) if last else best, wanted, TOLERANCE_M
-        step = max(min(step, 0.5 * (best.room - low)), TOLERANCE_M)
+            low, step = wanted, step / _FACTOR
+        low = low if low < best.room else question.lowest  # where a plan failed another one may not
         if on_progress is not None:
             on_progress(1.0 - min(1.0, (best.room - low) / max(whole, TOLERANCE_M)))
     return best if best.result is None else replace(best, result=on_road(best.result, question.road(best.room)))

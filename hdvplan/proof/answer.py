@@ -25,8 +25,8 @@ from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.model import Unit, Vehicle
 
 LESS_M = (0.05, 0.15)  # room by which the coarse sets prove less than the fine ones, of one unit and of two
-_BEFORE_M, _AFTER_M = 50.0, 20.0  # of the place where less room would lose the set, for the fine one
-_LENGTHS_M = (5.0, 10.0, 20.0, 40.0)  # tried for a proof
+_BEFORE_M, _AFTER_M = 50.0, 20.0  # of the place where less room would lose the set, that is looked at
+_LENGTHS_M = (40.0, 20.0, 10.0, 5.0)  # tried for a proof
 ROUNDING_M = 5e-3  # what the judge of a plan may miss between its poses, stations and outline points
 _MORE_CURVATURE = 1e-6  # of the largest: a solver's rounding
 _PLACES_M = 0.5  # between the normals at which a body alone is looked at
@@ -91,21 +91,18 @@ def _by_place(road: Road, vehicle: Vehicle, space: Beside, first: float, last: f
 def _by_motion(road: Road, vehicle: Vehicle, spaces: tuple[Beside, Beside], first: float, last: float) -> Proof | None:
     """Return the stretch on which everything that the leading units can reach is lost, None if there is none.
 
-    Nothing more is followed where the coarse set would not even be lost with less room, the second of ``spaces``, and the fine ones only
-    around places where it would. That saves time, and proves nothing.
+    Nothing more is followed where the coarse set would not even be lost with less room, the second of ``spaces``, and only what lies around
+    where it would. That saves time, and proves nothing.
     """
     follow = follower(road, vehicle)
     if follow is None:
         return None
     unit = len(followed(vehicle)) - 1
-    coarse, *fine = follow.resolutions
+    coarse = follow.resolutions[0]
     tight = _lost(follow, spaces[1], coarse, first, last)
-    found = None if tight is None else _lost(follow, spaces[0], coarse, first, last)
-    if found is not None:
-        return _shortest(follow, spaces[0], coarse, first, found, unit)
     while tight is not None:
         begin, seen = max(first, tight - _BEFORE_M), min(last, tight + _AFTER_M)
-        for resolution in fine:
+        for resolution in follow.resolutions:
             found = _lost(follow, spaces[0], resolution, begin, seen)
             if found is not None:
                 return _shortest(follow, spaces[0], resolution, begin, found, unit)
@@ -120,14 +117,15 @@ def _lost(follow: Follow, space: Beside, resolution: Resolution, s_from: float, 
 
 
 def _shortest(follow: Follow, space: Beside, resolution: Resolution, first: float, s_to: float, unit: int) -> Proof:
-    """Return the proof with the shortest stretch of a few on which the set is lost."""
+    """Return the proof with the shortest stretch of a few on which the set is lost: halved while it still is."""
+    found = Proof("motion", first, s_to, unit)
     for length in _LENGTHS_M:
-        if s_to - length <= first:
-            break
-        lost = _lost(follow, space, resolution, s_to - length, s_to + _PLACES_M)
-        if lost is not None:
-            return Proof("motion", s_to - length, lost, unit)
-    return Proof("motion", first, s_to, unit)
+        if s_to - length > first:
+            lost = _lost(follow, space, resolution, s_to - length, s_to + _PLACES_M)
+            if lost is None:
+                break
+            found = Proof("motion", s_to - length, lost, unit)
+    return found
 
 
 def followed(vehicle: Vehicle) -> tuple[Unit, ...]:

@@ -54,7 +54,7 @@ def coupling_of(lead: Unit, trailer: Unit) -> Coupling:
 
 
 SIDES = core.number("HDV_SIDES")  # of a polygon
-LEADING = core.constant("HDV_LEADING")  # cells of the leading heading in which the room that a trailer leaves is tabulated [rad]
+LEADING = core.constant("HDV_LEADING")  # cells of |leading heading| in which the room that a trailer leaves is tabulated [rad]
 _COUPLING = core.record("hdv_coupling")
 _PAIR = core.record("hdv_coupled")
 _POLYGONS = core.record("hdv_polygons")
@@ -88,7 +88,7 @@ def reachable_with_trailer(pair: Pair, kappa: float, space: Beside, frame: Frame
     units, layout = np.array([tuple(map(core.address, (*bodies, following)))], _PAIR), np.array([grid], GRID)
     sets = [(np.zeros(grid.cells, np.int64), np.empty((grid.cells, SIDES))) for _ in range(2)]
     memory = np.array([tuple(map(core.address, one)) for one in sets], _POLYGONS)
-    allowed = np.zeros((int(np.pi / LEADING) + 2, int(2.0 * np.pi / grid.size) + 2, 3))
+    allowed = np.zeros((int(0.5 * np.pi / LEADING) + 2, int(2.0 * np.pi / grid.size) + 2, 3))
     records = map(core.address, (stations, layout, near.record, memory, allowed))
     _reachable(core.address(units), kappa, *records, allowed.shape[1], core.address(found.record))
     return found.read()
