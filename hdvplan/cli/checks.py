@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
+_ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
+
 
 def vehicle_named(source: str, *, quiet: bool) -> Vehicle:
     """Return a preset or the vehicle of a file, and say what is assumed where the file does not tell how far it turns.
@@ -111,13 +113,21 @@ def warn_no_side(road: Road, side: str | None, *, quiet: bool) -> None:
 
 
 def warn_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath], *, quiet: bool) -> None:
-    """Say which regions do not count along a road, or its legs: coordinates that are swapped, or of another system, would go unnoticed."""
+    """Say which regions do not count along a road, or its legs: coordinates that are swapped, or of another system, would go unnoticed.
+
+    Raises:
+        RoadError: all are so far away that they are of no street near by.
+
+    """
     import numpy as np
 
     from hdvplan.road.regions import OPEN_M, distances
 
     apart = np.min([distances(path, regions) for path in paths], axis=0)
     far = apart[apart > OPEN_M]
+    if len(far) and apart.min() > _ELSEWHERE_M:
+        msg = f"the {len(apart)} regions lie {apart.min() / 1e3:.0f} km from the road, or further"
+        raise RoadError(msg, hint="are their coordinates swapped (longitude comes first), or of another system?")
     if len(far):
         nearest = f"the nearest of them {far.min():.0f} m"
         warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hdvplan.answers import NO, YES, without_word, worded
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 
 if TYPE_CHECKING:
@@ -65,8 +66,10 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verd
     if as_json:
         print_json(summary_of(result))
     elif not quiet:
-        print_line(verdict_line(result, verdict))
-        print_line("; ".join(text for text in (verdict_details(result, verdict), tracking_line(result) if verdict.fits else "") if text))
+        line, strays = verdict_line(result, verdict), _strays(result) if verdict.fits else ""
+        print_line(worded(NO, strays) if strays else line)
+        details = [without_word(line, YES) if strays else "", verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
+        print_line("; ".join(text for text in details if text))
     if result.planned and verdict.fits and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < _NEAR_M:
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     warn_of(result, verdict, quiet=quiet)
@@ -160,11 +163,16 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
 
 def _exit_code_of_driver(result: Result) -> ExitCode:
     """Return the exit code of a plan that fits: whether it does with the tracking error that is asked for."""
+    strays = _strays(result)
+    if not strays:
+        return ExitCode.OK
+    report_error(f"the plan {strays}", "--clearance M plans with more room to err")
+    return ExitCode.BROKEN
+
+
+def _strays(result: Result) -> str:
+    """Return why a plan that fits does not with the tracking error that is asked for; "" where it does."""
     wanted, tracking = result.case.settings.tracking_error, result.tracking
     if tracking is None or tracking.error >= wanted:
-        return ExitCode.OK
-    report_error(
-        f"the plan holds for a driver who strays by {tracking.error:.3f} m, not for the {wanted:g} m that were asked for",
-        "--clearance M plans with more room to err",
-    )
-    return ExitCode.BROKEN
+        return ""
+    return f"holds for a driver who strays by {tracking.error:.3f} m, not for the {wanted:g} m that were asked for"

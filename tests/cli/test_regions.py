@@ -41,24 +41,24 @@ def test_a_passage_too_narrow_is_said_and_planned_all_the_same(cli: Cli, tmp_pat
     assert (round(lon, 2), round(lat, 2)) == (15.0, 60.0)
 
 
-def test_a_region_too_far_away_to_count_is_said(cli: Cli, tmp_path: Path) -> None:
+@pytest.mark.parametrize("command", ["plan {} --vehicle bus", "need {} --vehicle bus --no-proof", "roads info {}"])
+def test_a_region_too_far_away_to_count_is_said_and_one_that_is_somewhere_else_refused(cli: Cli, tmp_path: Path, command: str) -> None:
     road = {
         "type": "Feature",
         "properties": {"width_m": 9.0},
         "geometry": {"type": "LineString", "coordinates": [[12.0, 57.0], [12.002, 57.0]]},
     }
-    corners = [[57.0, 12.0], [57.001, 12.0], [57.001, 12.001], [57.0, 12.0]]  # swapped
-    van = {"type": "Feature", "properties": {"region": "obstacle"}, "geometry": {"type": "Polygon", "coordinates": [corners]}}
-    (tmp_path / "far.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [road, van]}), encoding="utf-8")
-    outcome = cli("plan", "far.geojson", *QUICK)
-    assert outcome.code == 0
-    said = "warning: 1 of 1 regions lie further than 20 m from the road and do not count, the nearest of them "
-    assert outcome.err.startswith(said)
-    assert cli("need", "far.geojson", "--vehicle", "bus", "--no-plot", "--no-proof").err.startswith(said)
-    outcome = cli("roads", "info", "far.geojson", "--json")
-    assert outcome.err.startswith(said)
-    (region,) = json.loads(outcome.out)["regions"]
-    assert region["distance_m"] > 1e6
+    for name, (x, y) in {"far": (12.0, 57.001), "swapped": (57.0, 12.0)}.items():
+        corners = [[x, y], [x + 1e-4, y], [x + 1e-4, y + 1e-4], [x, y]]
+        van = {"type": "Feature", "properties": {"region": "obstacle"}, "geometry": {"type": "Polygon", "coordinates": [corners]}}
+        (tmp_path / f"{name}.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [road, van]}), encoding="utf-8")
+    far, swapped = (cli(*command.format(f"{name}.geojson").split(), "--json") for name in ("far", "swapped"))
+    assert far.code == 0
+    assert far.err.startswith("warning: 1 of 1 regions lie further than 20 m from the road and do not count, the nearest of them 111 m")
+    if "regions" in (told := json.loads(far.out)):
+        assert told["regions"][0]["distance_m"] == pytest.approx(111.0, abs=1.0)  # a thousandth of a degree
+    assert swapped.code == 2
+    assert re.match(r"error: the 1 regions lie \d{4} km from the road, or further\nhint: are their coordinates swapped", swapped.err)
 
 
 @pytest.mark.parametrize("x", [-30.0, 78.0])

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 import hdvplan
 from hdvplan.cli.console import ExitCode
-from hdvplan.cli.outcome import exit_code_of
+from hdvplan.cli.outcome import exit_code_of, tell
 from hdvplan.judging.result import Result
 from hdvplan.judging.tracking import tracking_of
 from hdvplan.judging.verdict import tracking_line, verdict_of
@@ -75,7 +76,9 @@ def test_more_than_a_metre_is_not_looked_for(straight: Result) -> None:
 
 
 @pytest.mark.parametrize("more", [False, True])
-def test_a_line_and_the_exit_code_say_whether_the_driver_may_stray_as_far_as_asked(straight: Result, more: bool) -> None:
+def test_lines_and_the_exit_code_say_whether_the_driver_may_stray_as_far_as_asked(
+    straight: Result, more: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
     road = straight.drive.road.with_limits(1.47, 1.47)
     first = planned(road).tracking
     assert first is not None
@@ -90,6 +93,11 @@ def test_a_line_and_the_exit_code_say_whether_the_driver_may_stray_as_far_as_ask
     assert line.startswith("holds while the driver keeps the front axle within")
     assert "decided at s = " in line
     assert exit_code_of(result, verdict_of(result)) == (ExitCode.BROKEN if more else ExitCode.OK)
+    tell(result, Path("bus"), as_json=False, quiet=False)
+    first_line, second_line, *_ = capsys.readouterr().out.splitlines()
+    strays = f"NO: holds for a driver who strays by {first.error:.3f} m, not for the "
+    assert first_line.startswith(strays if more else "YES: 0.20 m to spare at s = ")
+    assert second_line.startswith("0.20 m to spare at s = ") == more
 
 
 def test_where_larger_errors_have_no_bound_no_place_decides() -> None:
