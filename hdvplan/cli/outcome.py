@@ -68,7 +68,11 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verd
     elif not quiet:
         line, strays = verdict_line(result, verdict), _strays(result) if verdict.fits else ""
         print_line(worded(NO, strays) if strays else line)
-        details = [without_word(line, YES) if strays else "", verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
+        details = [
+            without_word(line, YES) if strays else "",
+            verdict_details(result, verdict),
+            tracking_line(result) if verdict.fits else "",
+        ]
         print_line("; ".join(text for text in details if text))
     if result.planned and verdict.fits and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < _NEAR_M:
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)

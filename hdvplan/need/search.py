@@ -28,7 +28,7 @@ WIDE_M = 15.0  # no more room is looked for; obstacles count to 20 m off the lin
 _ROUNDING_M = 1e-6
 _STEP_M = 0.64  # that a search begins with, and the longest
 _FACTOR = 4.0  # by which steps grow where they succeed, and shrink where they fail
-_GAIN_M = 1e-3  # a last step that gains less ends the search
+_GAIN_M = 3e-3  # a last step that gains less ends the search
 _NONE_M = 0.1  # the least reach that is asked for: kerbs of one side lie on that side of the line
 OTHER = {"left": "right", "right": "left"}
 _GIVES_M = 8e-3  # a plan within limits that can be kept needs no more: they are elastic, and 5 to 8 mm beyond them is usual in bends
@@ -98,8 +98,8 @@ def least(
     """Return the least room of ``question`` along ``case.road``, to ``TOLERANCE_M``.
 
     Plans that are ``known``, made for any street of the same line, or one within the first limits give a bound. From there the search goes
-    down, in steps that grow where they succeed and shrink where they fail, of at most half of what is not known: plans within far too little
-    room take longest. ``on_progress`` receives a share that grows from 0 to 1, ``on_result`` every new plan.
+    down, in steps that grow where they succeed and shrink where they fail, of at most half of what is not known: plans within far too
+    little room take longest. ``on_progress`` receives a share that grows from 0 to 1, ``on_result`` every new plan.
     """
     best = Least(np.inf, None, question.lowest, question.lowest, 0, None)
     for result in known:

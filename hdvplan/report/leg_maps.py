@@ -42,7 +42,7 @@ class Stop(NamedTuple):
     def text(self) -> str:
         """The name with the articulation in whole degrees."""
         whole = np.round(self.angles) + 0.0  # -0 is 0
-        return f"{self.name}: {', '.join(f'{angle:+.0f}°' for angle in whole)}" if len(whole) else self.name
+        return f"{self.name}: articulation {', '.join(f'{angle:+.0f}°' for angle in whole)}" if len(whole) else self.name
 
 
 def ends_of(legs: int) -> list[tuple[int, int, str]]:

@@ -16,17 +16,19 @@ from hdvplan.report.colours import BREACH, INK, answer_colour, body_colour
 from hdvplan.report.layers import Layer
 from hdvplan.report.leg_maps import Stop, draw_area, draw_line, draw_stop, ends_of
 from hdvplan.report.manoeuvre_layers import leg_area, line_of, shown_poses, turn_features, view_of
-from hdvplan.report.maps import draw_bodies, draw_features, outline_of, scale_bar
-from hdvplan.report.style import styled, write_head
+from hdvplan.report.maps import draw_bodies, draw_features, outline_of, point, scale_bar
+from hdvplan.report.style import ON_WHITE, styled, write_head
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.reversing import words
 from hdvplan.turning.reversing.answer import Answer
+from hdvplan.turning.reversing.blocks import unit
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.turn import Turn, verdict
 from hdvplan.vehicle.body import corners_at
 
 _ROOM_M = 2.0
 _TITLE, _NOTICE = 110, 170  # characters a line
+_BESIDE_M = 0.8  # of the size from the edge of the picture
 _WIDE, _HIGH = 11.0, (6.0, 12.0)  # of the picture of legs [inches]
 
 
@@ -132,12 +134,40 @@ def reversal_figure(answer: Answer) -> Figure:
     return figure
 
 
+def _draw_blocks(axes: Axes, answer: Answer) -> None:
+    """Draw what stands, kerbs that bodies may reach over lighter than the rest, a dock's doors, and the size of the site."""
+    site, view, seen = answer.chosen.manoeuvre.site, view_of(answer), set[float]()
+    over = [site.overhang] * len(site.blocks) + [site.beyond_ends] * len(answer.walls)
+    for block, overhang in zip(answer.blocks, over, strict=True):
+        label = f"kerb, bodies may reach {overhang:.2f} m over it" if overhang > 0.0 else "wall, parked vehicle"
+        colour, named = "0.92" if overhang > 0.0 else "0.8", None if overhang in seen else label
+        axes.add_patch(PathPatch(outline_of(block.area(view)), facecolor=colour, edgecolor=INK, linewidth=1.2, label=named, zorder=0.5))
+        seen.add(overhang)
+    if answer.template.docks:
+        axes.axhline(0.0, color=INK, linewidth=1.2, linestyle=(0, (8, 3)), label="doors")
+    _draw_size(axes, answer)
+
+
+def _draw_size(axes: Axes, answer: Answer) -> None:
+    """Draw the size of the site as a dimension near the picture's upper or right edge."""
+    site, edges = answer.chosen.manoeuvre.site, np.array(view_of(answer).bounds[2:]) - _BESIDE_M
+    ahead = unit(site.ends[0][1])
+    across = int(np.argmin(np.abs(ahead)))  # 0: the size is measured along y
+    to, *behind = (float(np.hypot(*wall.tips[0])) for wall in answer.walls)  # from the origin
+    ends = np.outer([-behind[0] if behind else -site.base, to], ahead)
+    ends[:, across] = edges[across]
+    arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate("", point(ends[0]), point(ends[1]), arrowprops=arrow, zorder=6)
+    axes.annotate(
+        f"{answer.template.words} {answer.size:.2f} m", point(ends.mean(axis=0)), ha="center", va="center", fontsize="small",
+        rotation=(90.0, 0.0)[across], bbox=ON_WHITE, zorder=6,
+    )  # fmt: skip
+
+
 def _draw_legs(axes: Axes, answer: Answer) -> None:
     """Draw what stands, what is swept, the lead rear axle's lines, and the vehicle at begin, cusps and end."""
-    view, legs, named = view_of(answer), answer.chosen.manoeuvre.legs, set[bool]()
-    for number, block in enumerate(answer.blocks):
-        label = "walls, kerbs, parked vehicles" if number == 0 else None
-        axes.add_patch(PathPatch(outline_of(block.area(view)), facecolor="0.8", edgecolor=INK, linewidth=1.2, label=label, zorder=0.5))
+    legs, named = answer.chosen.manoeuvre.legs, set[bool]()
+    _draw_blocks(axes, answer)
     for leg in legs:
         area = shapely.union_all([leg_area(answer, leg, unit) for unit in range(len(answer.vehicle.units))])
         draw_area(axes, area, backward=leg.backward, named=leg.backward not in named)

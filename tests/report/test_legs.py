@@ -95,7 +95,7 @@ def test_the_vehicle_stands_where_one_leg_ends_and_the_next_begins(trailer: Resu
     last, betas = len(trailer.drive.poses_s) - 1, np.degrees(trailer.drive.z[:, 2])
     assert [(stop.name, stop.leg, stop.pose) for stop in (start, cusp, end)] == [("start", 0, 0), ("cusp 1", 0, last), ("end", 1, 0)]
     np.testing.assert_allclose([stop.angles[0] for stop in (start, cusp, end)], betas[[0, -1, 0]])
-    assert cusp.text == f"cusp 1: {round(float(betas[-1])) + 0:+d}°"
+    assert cusp.text == f"cusp 1: articulation {round(float(betas[-1])) + 0:+d}°"
 
 
 @pytest.mark.slow

@@ -10,8 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from ezdxf.filemanagement import readfile
+from matplotlib.text import Annotation
 
 from hdvplan.answers import NEEDS, NO, YES, worded
+from hdvplan.report.manoeuvre_plots import reversal_figure
+from hdvplan.turning.reversing.answer import reversing
+from hdvplan.turning.reversing.options import SiteOptions, Template
+from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
 from tests.turning.reversals import REFUSE
 
@@ -51,6 +56,23 @@ def test_the_poses_tell_leg_and_direction_and_go_on_at_the_cusps(cli: Cli, tmp_p
     ends, begins = poses[poses["leg"].diff(-1) == -1.0], poses[poses["leg"].diff() == 1.0]
     assert np.allclose(ends[["x", "y", "heading"]], begins[["x", "y", "heading"]], atol=1e-8)  # nine decimals are written
     assert poses["heading"].iloc[-1] == pytest.approx(np.pi, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("template", "options", "over"),
+    [(Template.DOCK_90, SiteOptions(), 0.0), (Template.THREE_POINT, SiteOptions(width=14.0, overhang=0.5), 0.5)],
+)
+def test_the_picture_has_the_size_as_a_dimension_and_tells_kerbs_from_walls(template: Template, options: SiteOptions, over: float) -> None:
+    vehicle = load_vehicle("tractor-semitrailer" if template.docks else "citaro-k")
+    answer = reversing(vehicle, template, options, starts=1)
+    (axes,) = reversal_figure(answer).axes
+    words = [one.get_text() for one in axes.texts]
+    text = words.index(f"{template.words} {answer.size:.2f} m")
+    arrow = axes.texts[text - 1]
+    assert isinstance(arrow, Annotation)
+    assert np.hypot(*np.subtract(arrow.xy, arrow.xyann)) == pytest.approx(answer.size)
+    labels = [label for label in axes.get_legend_handles_labels()[1] if label.startswith(("kerb", "wall"))]
+    assert labels == ([f"kerb, bodies may reach {over:.2f} m over it"] if over else ["wall, parked vehicle"])
 
 
 def test_blocks_out_of_view_are_no_areas_of_the_road_file(cli: Cli, tmp_path: Path) -> None:  # noqa: F811

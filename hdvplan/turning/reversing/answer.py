@@ -157,8 +157,9 @@ def reversing(
     tried: list[Tried] = []
     errors: list[TurnError] = []
     numbers = _LEGS[template] if size is not None or all_legs else (_OWN_LEGS,)
+    shares = np.cumsum([0, *(legs**2 for legs in numbers)]) / sum(legs**2 for legs in numbers)  # about what they take
     for number, legs in enumerate(numbers):
-        part = part_of(on_progress, number / len(numbers), (number + 1) / len(numbers))
+        part = part_of(on_progress, float(shares[number]), float(shares[number + 1]))
         try:
             tried.append(_half_turned(site, vehicle, legs, starts, part))
         except TurnError as error:  # another number of legs may do

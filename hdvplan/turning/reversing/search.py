@@ -52,7 +52,7 @@ class Found:
 class Measured:
     """What candidates need: reaches to the ends (candidates, poses, ends), and the least room to blocks (candidates, poses) [m].
 
-    Both are beyond the clearance that is kept.
+    Reaches hold the clearance that is kept, the room is what is left beyond it.
     """
 
     reaches: FloatArray
