@@ -29,24 +29,25 @@ _MAP_OVER_PROFILE = 1.6  # height
 
 
 def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
-    """Return a row a vehicle: its answer, the room to spare beyond the clearance (negative: lacking), what it needs, what decides where.
+    """Return a row a vehicle: its answer and whether it is proved, what it needs, and the place that decides.
 
-    Lengths are in metres; NaN: there is none.
+    The room to spare is beyond the clearance, negative where some is lacking. Lengths are in metres; NaN: there is none.
     """
     rows = []
     for result in results:
         verdict = verdict_of(result)
         decides = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}, {verdict.side}"
         spare, half = (np.nan, verdict.half_width) if verdict.spare is None else (verdict.spare, np.nan)
-        rows.append((result.drive.vehicle.name, verdict.word, spare, verdict.clearance_wanted, half, verdict.s, decides))
-    return pd.DataFrame(rows, columns=["vehicle", "answer", "spare_m", "clearance_m", "half_width_m", "s_m", "decides"])
+        rows.append((result.drive.vehicle.name, verdict.word, verdict.proved, spare, verdict.clearance_wanted, half, verdict.s, decides))
+    return pd.DataFrame(rows, columns=["vehicle", "answer", "proved", "spare_m", "clearance_m", "half_width_m", "s_m", "decides"])
 
 
 def answer_texts(table: pd.DataFrame) -> pd.DataFrame:
     """Return the rows as a terminal shows them: without columns that have no number, and without clearances where none is wanted."""
     shown = [name for name in _NUMBERS if table[name].notna().any() and (name != "clearance_m" or table[name].any())]
     texts = {_NUMBERS[name]: ["-" if np.isnan(value) else f"{value:.{_DIGITS[name]}f}" for value in table[name]] for name in shown}
-    return pd.DataFrame({"vehicle": table["vehicle"], "answer": table["answer"], **texts, "what decides": table["decides"]})
+    answers = table["answer"] + np.where(table["proved"], ", proved", "")
+    return pd.DataFrame({"vehicle": table["vehicle"], "answer": answers, **texts, "what decides": table["decides"]})
 
 
 def answer_of(results: Sequence[Result]) -> str:

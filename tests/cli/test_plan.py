@@ -218,16 +218,18 @@ def test_several_vehicles_are_compared_and_answered_as_each_by_itself(cli: Cli, 
         cli("plan", short_road, "--vehicle", name, "--half-width", "1.7", "--out", "alone", "--no-plot")
         alone = json.loads(Path("alone/summary.json").read_text(encoding="utf-8"))["verdict"]
         assert json.loads(Path("both", name, "summary.json").read_text(encoding="utf-8"))["verdict"] == alone
-        assert (table["spare_m"][name], table["s_m"][name]) == (alone["spare_m"], alone["s_m"])
+        assert (table["spare_m"][name], table["s_m"][name], table["proved"][name]) == (alone["spare_m"], alone["s_m"], alone["proved"])
     assert Path("both/compared.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_place_at_the_road_s_start_is_a_column_of_the_comparison_too() -> None:
+def test_a_comparison_tells_proofs_and_places_at_the_road_s_start() -> None:
     """A column was left out where all of its numbers were 0."""
     numbers = {"spare_m": [0.0, np.nan], "clearance_m": [0.0, 0.0], "half_width_m": [np.nan, np.nan], "s_m": [0.0, 0.0]}
-    shown = answer_texts(pd.DataFrame({"vehicle": ["bus", "car"], "answer": [YES, YES], "decides": ["", ""], **numbers}))
+    answers = {"answer": [NO, NO], "proved": [False, True]}
+    shown = answer_texts(pd.DataFrame({"vehicle": ["bus", "car"], **answers, "decides": ["", ""], **numbers}))
     assert [*shown] == ["vehicle", "answer", "to spare [m]", "at s [m]", "what decides"]
     assert [*shown["to spare [m]"]] == ["0.000", "-"]
+    assert [*shown["answer"]] == ["NO", "NO, proved"]
 
 
 def test_vehicles_on_a_road_without_limits_are_compared_by_what_they_need(cli: Cli, short_road: str) -> None:
