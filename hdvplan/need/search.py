@@ -26,17 +26,18 @@ from hdvplan.road.road import Road
 TOLERANCE_M = 0.01  # of every answer
 WIDE_M = 15.0  # no more room is looked for; obstacles count to 20 m off the line
 _ROUNDING_M = 1e-6
-_STEP_M = 0.64  # that a search begins with, and the longest
-_FACTOR = 4.0  # by which steps grow where they succeed, and shrink where they fail
-_GAIN_M = 3e-3  # a last step that gains less ends the search
+_STEP_M = 0.32  # by which a search begins to ask for less
+_SHRINKS = 4.0  # by how much the step does where a plan does not keep what was asked for
+_AGAIN_M = 0.04  # the step of later passes: often a plan that is asked for much less needs less than one that is asked for little less
+_GAIN_M = 5e-3  # a pass that gains less is the last
 _NONE_M = 0.1  # the least reach that is asked for: kerbs of one side lie on that side of the line
 OTHER = {"left": "right", "right": "left"}
 _GIVES_M = 8e-3  # a plan within limits that can be kept needs no more: they are elastic, and 5 to 8 mm beyond them is usual in bends
 
 
-# Within the same limits these end in different local optima. Neither convergence (SQP) nor other objectives were better by over 2 mm on
-# five roads, and where nothing fits SQP takes up to ten times as long.
-ATTEMPTS = ("geometric", "lead-axle")  # objectives, by RTI
+# Objectives, by RTI; where nothing fits SQP takes up to ten times as long. Within the same limits these end in different local optima.
+ATTEMPTS = ("geometric", "lead-axle")
+_SEARCHED = "balanced"  # of eight the one that needed least within little room on five roads, by up to 2 cm
 
 
 @dataclass(frozen=True)
@@ -98,8 +99,8 @@ def least(
     """Return the least room of ``question`` along ``case.road``, to ``TOLERANCE_M``.
 
     Plans that are ``known``, made for any street of the same line, or one within the first limits give a bound. From there the search goes
-    down, in steps that grow where they succeed and shrink where they fail, of at most half of what is not known: plans within far too
-    little room take longest. ``on_progress`` receives a share that grows from 0 to 1, ``on_result`` every new plan.
+    down, in steps that shrink where they fail, of at most half of what may be asked for: plans within far too little room take longest.
+    ``on_progress`` receives a share that grows to 1, ``on_result`` every new plan.
     """
     best = Least(np.inf, None, question.lowest, question.lowest, 0, None)
     for result in known:
@@ -107,23 +108,20 @@ def least(
     for room in question.first:
         if not np.isfinite(best.room):
             best = _tried(case, question, room, ATTEMPTS, best, on_result)
-    low, whole, step = question.lowest, best.room - question.lowest, _STEP_M
-    while np.isfinite(best.room) and best.room - best.out_of_reach > TOLERANCE_M + _ROUNDING_M:
-        step = max(min(step, 0.5 * (best.room - low)), TOLERANCE_M)
-        wanted = max(best.room - step, question.lowest)
-        last, before = best.room - wanted <= TOLERANCE_M + _ROUNDING_M, best.room
-        best = _tried(case, question, wanted, ATTEMPTS if last else ATTEMPTS[:1], best, on_result)
-        if best.room <= wanted + _GIVES_M:
-            step = min(_FACTOR * step, _STEP_M)
-            if wanted == question.lowest:
-                break
-        elif last and best.room > before - _GAIN_M:
+    step, before = _STEP_M, best.room
+    while np.isfinite(best.room) and best.room - question.lowest > TOLERANCE_M + _ROUNDING_M:
+        wanted = best.room - max(min(step, 0.5 * (best.room - question.lowest)), TOLERANCE_M)
+        last = best.room - wanted <= TOLERANCE_M + _ROUNDING_M
+        best = _tried(case, question, wanted, (_SEARCHED,), best, on_result)
+        if last and before - best.room < _GAIN_M:
             best = replace(best, out_of_reach=wanted)
-        else:
-            low, step = wanted, step / _FACTOR
-        low = low if low < best.room else question.lowest  # where a plan failed another one may not
+            break
+        if last:
+            step, before = _AGAIN_M, best.room
+        elif best.room > wanted + _GIVES_M:
+            step /= _SHRINKS
         if on_progress is not None:
-            on_progress(1.0 - min(1.0, (best.room - low) / max(whole, TOLERANCE_M)))
+            on_progress(1.0 - min(1.0, step / _STEP_M))
     return best if best.result is None else replace(best, result=on_road(best.result, question.road(best.room)))
 
 
