@@ -78,10 +78,10 @@ def need(
 
     Where the vehicle does not fit, the command also finds the least widening of the road's own street; with --fix on the other side alone.
 
-    It tries several objectives and schemes and judges each plan by its simulation, to 1 cm. Less room, for which no plan was found, is
-    called out of reach; that is not a proof. Unless the vehicle fits, it also looks for room that is proved to be too little. Obstacles and
-    a fixed edge stay where they are. DIR receives need.json, the picture need.png, and the widening as GeoJSON; with --format dxf,gpkg also
-    as layers of a drawing, and with --sheet on paper to scale.
+    It asks plans for less and less room and judges each by its simulation, to 1 cm. Less room, for which no plan was found, is called out
+    of reach; that is not a proof. Unless the vehicle fits, it also looks for room that is proved to be too little. Obstacles and a fixed
+    edge stay where they are. DIR receives need.json, the picture need.png, and the widening as GeoJSON; with --format dxf,gpkg also as
+    layers of a drawing, and with --sheet on paper to scale.
 
     With --template it finds the least street width, arm or apron, to 5 cm, with which a manoeuvre of forward and backward legs was found.
 

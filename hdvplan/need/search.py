@@ -1,4 +1,4 @@
-"""The least room for which a plan exists, searched over objectives and schemes: an even half width, or one edge while the other is held.
+"""The least room for which a plan exists, searched by plans within less and less: an even half width, or one edge while the other is held.
 
 Every attempt is a whole plan, judged by its simulation, and bounds the answer from above by the room in which it just touches the kerbs,
 whatever it was asked to keep: where kerbs move outwards, every gap grows by at least as much. From below nothing is proved: a value is
