@@ -76,11 +76,14 @@ def _check(name: str, *, json: bool) -> int:
 
     programs = samples()
     note(f"{len(CONTRACT)} rules, on {len(programs)} programs each; each rule is printed when it is done", quiet=json)
-    findings = checked(make, None if json else _print_finding)
+    said: set[str] = set()
+    findings = checked(make, None if json else lambda finding: _print_finding(finding, said))
     if json:
         print_json([asdict(finding) for finding in findings])
     return ExitCode.OK if all(finding.kept for finding in findings) else ExitCode.BROKEN
 
 
-def _print_finding(finding: Finding) -> None:
-    print_line(f"{'ok  ' if finding.kept else 'FAIL'} {finding.rule}: {finding.said}")
+def _print_finding(finding: Finding, said: set[str]) -> None:
+    """Print what was found: once, as one exception often breaks most rules."""
+    print_line(f"{'ok  ' if finding.kept else 'FAIL'} {finding.rule}: {'the same' if finding.said in said else finding.said}")
+    said.add(finding.said)
