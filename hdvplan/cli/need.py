@@ -13,7 +13,7 @@ from hdvplan.answers import NO, without_word
 from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, SITE, VEHICLE
-from hdvplan.cli.options import Output, RoadOrNoneArgument, Room, VehicleOption, check_folder, file_name
+from hdvplan.cli.options import WRITTEN, Output, RoadOrNoneArgument, Room, VehicleOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.cli.turn import MORE_STARTS, answered
 from hdvplan.errors import OptionError
@@ -33,7 +33,6 @@ _ROOM = {
     "left": "The road's own left limit, or the fixed one [m].",
     "right": "The road's own right limit, or the fixed one, positive [m].",
 }
-_WRITTEN = ("out", "json", "plot", "formats", "sheet", "scale", "stamps", "quiet")
 _OUTPUT = {"out": "Where to write [default: <road>.<vehicle>.need/].", "plot": "Draw the picture need.png."}
 
 
@@ -54,7 +53,7 @@ def need(
     room: Annotated[Room, OptionsOf(Room, VEHICLE, words=_ROOM)],
     settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, VEHICLE, only=("clearance",))],
     reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
-    output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=_WRITTEN)],
+    output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=WRITTEN)],
     proof: Annotated[
         bool | None,
         typer.Option(
@@ -142,9 +141,6 @@ def _of_template(name: str, vehicle: str, site: SiteOptions, output: Output) -> 
     if site.size(template) is not None:
         msg = f"--{template.sought} is what is sought"
         raise OptionError(msg, hint=f"`hdvplan turn --template {template} --{template.sought} M` tells whether the vehicle fits in it")
-    if output.sheet is not None:
-        msg = f"--sheet is for roads, and {template} has none"
-        raise OptionError(msg, hint="--format pdf draws the site as a picture, --format dxf to scale for CAD")
     check_folder(output.out)
     return answered(template, vehicle, site, output, starts=MORE_STARTS, called="need")
 

@@ -79,6 +79,9 @@ class Room:
         return self.left, self.right
 
 
+WRITTEN = ("out", "json", "plot", "formats", "sheet", "scale", "stamps", "quiet")  # of ``Output``, by commands that make no film
+
+
 @dataclass(frozen=True)
 class Output:
     """Where a command that drives a vehicle writes, and what."""

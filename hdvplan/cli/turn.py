@@ -11,7 +11,7 @@ import typer
 from hdvplan.cli.checks import vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, SITE
-from hdvplan.cli.options import Output, VehicleOrNoneOption, check_folder, file_name
+from hdvplan.cli.options import WRITTEN, Output, VehicleOrNoneOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.settings import Setting, choice
@@ -96,7 +96,7 @@ def turn(
     described: Annotated[TurnOptions, OptionsOf(TurnOptions, _TURN)],
     site: Annotated[SiteOptions, OptionsOf(SiteOptions, SITE)],
     list_: Annotated[bool, typer.Option("--list", help="List the templates.", rich_help_panel=_TURN)] = False,
-    output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=("out", "json", "plot", "formats", "quiet"))],
+    output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=WRITTEN)],
 ) -> int:
     """Drive a prescribed turn exactly and print what it sweeps, or make a manoeuvre that reverses and fits.
 
@@ -119,6 +119,9 @@ def turn(
         described.refuse_more()
         return answered(reverses, vehicle, site, output, starts=_STARTS, called="turn")
     site.refuse_all()
+    if output.drawn_on() is not None:
+        msg = "--sheet is for the templates that reverse"
+        raise OptionError(msg, hint="--format pdf draws the turn as a picture, --format dxf to scale for CAD")
     from hdvplan.report.files import PICTURES
     from hdvplan.report.turns import TURN_DRAWINGS, turn_json, turn_table, write_turn
     from hdvplan.turning.turn import broken_words, verdict
@@ -148,14 +151,14 @@ def answered(template: Template, vehicle: str, site: SiteOptions, output: Output
     from hdvplan.turning.reversing.answer import reversing
     from hdvplan.turning.reversing.words import details, refusal, verdict
 
-    kinds = output.kinds(PICTURES, TURN_DRAWINGS)
+    kinds, sheet = output.kinds(PICTURES, TURN_DRAWINGS), output.drawn_on()
     driven = vehicle_named(vehicle, quiet=output.quiet)
     with progress(f"looking for a manoeuvre of {driven.name}", quiet=output.quiet) as on_progress:
         answer = reversing(driven, template, site, starts=starts, all_legs=called == "need", on_progress=on_progress)
     suffix = ".need" if called == "need" else ""
     directory = output.out or Path(f"{file_name(f'{template}.{driven.name}')}{suffix}")
     with writing(f"to {directory}"):
-        write_reversal(answer, directory, called, kinds=kinds)
+        write_reversal(answer, directory, called, kinds=kinds, sheet=sheet)
     if output.json:
         print_json(reversal_json(answer))
     elif not output.quiet:

@@ -16,7 +16,8 @@ from hdvplan.report.colours import BREACH, INK, answer_colour, body_colour
 from hdvplan.report.layers import Layer
 from hdvplan.report.leg_maps import Stop, draw_area, draw_line, draw_stop, ends_of
 from hdvplan.report.manoeuvre_layers import leg_area, line_of, shown_poses, turn_features, view_of
-from hdvplan.report.maps import draw_bodies, draw_features, outline_of, point, scale_bar
+from hdvplan.report.maps import SLIDE, UNTURNED, draw_bodies, draw_features, outline_of, point, scale_bar
+from hdvplan.report.maps import Turn as TurnOf
 from hdvplan.report.style import ON_WHITE, styled, write_head
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.reversing import words
@@ -122,7 +123,7 @@ def reversal_figure(answer: Answer) -> Figure:
     left, low, right, high = view_of(answer).bounds
     figure = Figure(figsize=(_WIDE, float(np.clip(_WIDE * (high - low) / (right - left) + 1.0, *_HIGH))), layout="constrained")
     axes = figure.add_subplot()
-    _draw_legs(axes, answer)
+    draw_site(axes, answer)
     axes.set_xlim(left, right)
     axes.set_ylim(low, high)
     axes.set_aspect("equal")
@@ -134,46 +135,56 @@ def reversal_figure(answer: Answer) -> Figure:
     return figure
 
 
-def _draw_blocks(axes: Axes, answer: Answer) -> None:
-    """Draw what stands, kerbs that bodies may reach over lighter than the rest, a dock's doors, and the size of the site."""
+def draw_site(axes: Axes, answer: Answer, *, weight: float = SLIDE, turned: TurnOf = UNTURNED) -> None:
+    """Draw a site with its size, what is swept in it, the lead rear axle's lines, and the vehicle at begin, cusps and end."""
+    _draw_blocks(axes, answer, weight, turned)
+    _draw_size(axes, answer, weight, turned)
+    legs, named = answer.chosen.manoeuvre.legs, set[bool]()
+    for leg in legs:
+        area = shapely.union_all([leg_area(answer, leg, unit) for unit in range(len(answer.vehicle.units))])
+        draw_area(axes, shapely.transform(area, turned), backward=leg.backward, named=leg.backward not in named, weight=weight)
+        draw_line(axes, turned(line_of(leg)), backward=leg.backward, named=leg.backward not in named, weight=weight)
+        named.add(leg.backward)
+    for stop in stops_in(answer):
+        draw_bodies(axes, corners_at(answer.vehicle, legs[stop.leg].poses[[stop.pose]]), weight=weight, turned=turned)
+        draw_stop(axes, stop, weight=weight, turned=turned)
+
+
+def stops_in(answer: Answer) -> tuple[Stop, ...]:
+    """Return where the vehicle stands, in the order of driving."""
+    legs = answer.chosen.manoeuvre.legs
+    ends = [(legs[at], at, when, name) for at, when, name in ends_of(len(legs))]
+    return tuple(Stop(name, at, when, np.degrees(leg.beta[when]), leg.lead[when, :2]) for leg, at, when, name in ends)
+
+
+def _draw_blocks(axes: Axes, answer: Answer, weight: float, turned: TurnOf) -> None:
+    """Draw what stands, kerbs that bodies may reach over lighter than the rest, and a dock's doors."""
     site, view, seen = answer.chosen.manoeuvre.site, view_of(answer), set[float]()
     over = [site.overhang] * len(site.blocks) + [site.beyond_ends] * len(answer.walls)
     for block, overhang in zip(answer.blocks, over, strict=True):
         label = f"kerb, bodies may reach {overhang:.2f} m over it" if overhang > 0.0 else "wall, parked vehicle"
         colour, named = "0.92" if overhang > 0.0 else "0.8", None if overhang in seen else label
-        axes.add_patch(PathPatch(outline_of(block.area(view)), facecolor=colour, edgecolor=INK, linewidth=1.2, label=named, zorder=0.5))
+        area = outline_of(shapely.transform(block.area(view), turned))
+        axes.add_patch(PathPatch(area, facecolor=colour, edgecolor=INK, linewidth=0.8 * weight, label=named, zorder=0.5))
         seen.add(overhang)
     if answer.template.docks:
-        axes.axhline(0.0, color=INK, linewidth=1.2, linestyle=(0, (8, 3)), label="doors")
-    _draw_size(axes, answer)
+        doors = turned(np.array([[view.bounds[0], 0.0], [view.bounds[2], 0.0]]))
+        axes.plot(*doors.T, color=INK, linewidth=0.8 * weight, linestyle=(0, (8, 3)), label="doors")
 
 
-def _draw_size(axes: Axes, answer: Answer) -> None:
-    """Draw the size of the site as a dimension near the picture's upper or right edge."""
+def _draw_size(axes: Axes, answer: Answer, weight: float, turned: TurnOf) -> None:
+    """Draw the size of the site as a dimension near the view's upper or right edge."""
     site, edges = answer.chosen.manoeuvre.site, np.array(view_of(answer).bounds[2:]) - _BESIDE_M
     ahead = unit(site.ends[0][1])
     across = int(np.argmin(np.abs(ahead)))  # 0: the size is measured along y
     to, *behind = (float(np.hypot(*wall.tips[0])) for wall in answer.walls)  # from the origin
     ends = np.outer([-behind[0] if behind else -site.base, to], ahead)
     ends[:, across] = edges[across]
-    arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0.0, "shrinkB": 0.0}
+    ends = turned(ends)
+    arrow = {"arrowstyle": "<->", "color": INK, "linewidth": 0.7 * weight, "shrinkA": 0.0, "shrinkB": 0.0}
     axes.annotate("", point(ends[0]), point(ends[1]), arrowprops=arrow, zorder=6)
+    level = np.abs(ends[1] - ends[0]).argmax() == 0
     axes.annotate(
         f"{answer.template.words} {answer.size:.2f} m", point(ends.mean(axis=0)), ha="center", va="center", fontsize="small",
-        rotation=(90.0, 0.0)[across], bbox=ON_WHITE, zorder=6,
+        rotation=0.0 if level else 90.0, bbox=ON_WHITE, zorder=6,
     )  # fmt: skip
-
-
-def _draw_legs(axes: Axes, answer: Answer) -> None:
-    """Draw what stands, what is swept, the lead rear axle's lines, and the vehicle at begin, cusps and end."""
-    legs, named = answer.chosen.manoeuvre.legs, set[bool]()
-    _draw_blocks(axes, answer)
-    for leg in legs:
-        area = shapely.union_all([leg_area(answer, leg, unit) for unit in range(len(answer.vehicle.units))])
-        draw_area(axes, area, backward=leg.backward, named=leg.backward not in named)
-        draw_line(axes, line_of(leg), backward=leg.backward, named=leg.backward not in named)
-        named.add(leg.backward)
-    for at, when, name in ends_of(len(legs)):
-        leg = legs[at]
-        draw_bodies(axes, corners_at(answer.vehicle, leg.poses[[when]]))
-        draw_stop(axes, Stop(name, at, when, np.degrees(leg.beta[when]), leg.lead[when, :2]))

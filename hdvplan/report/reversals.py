@@ -16,10 +16,11 @@ from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.fileio import Together, csv_bytes, json_bytes
-from hdvplan.report.files import PICTURES
+from hdvplan.report.files import PICTURES, SHEET
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import System
 from hdvplan.report.manoeuvre_layers import line_of, reversal_features, view_of
+from hdvplan.report.paper import SheetOptions
 from hdvplan.report.turns import TURN_DRAWINGS
 from hdvplan.road.crs import LONLAT, placed
 from hdvplan.turning.reversing.answer import Answer
@@ -141,13 +142,13 @@ def legs_road(answer: Answer) -> Json:
     return {"type": "FeatureCollection", "name": f"{answer.template}", "note": note, "features": features}
 
 
-def write_reversal(answer: Answer, directory: Path, name: str, *, kinds: Collection[str] = ()) -> None:
+def write_reversal(answer: Answer, directory: Path, name: str, *, kinds: Collection[str] = (), sheet: SheetOptions | None = None) -> None:
     """Write ``<name>.json``, ``poses.csv``, ``legs.geojson`` and what is drawn into ``directory``.
 
-    ``kinds`` are those of ``PICTURES`` and ``TURN_DRAWINGS`` that are drawn.
+    ``kinds`` are those of ``PICTURES`` and ``TURN_DRAWINGS`` that are drawn, and ``sheet`` adds a drawing to scale.
 
     Raises:
-        OptionError: the folder holds files of others.
+        OptionError: the folder holds files of others, or the sheet has no room for the site at its scale.
         OSError: the folder or a file cannot be written.
 
     """
@@ -156,8 +157,10 @@ def write_reversal(answer: Answer, directory: Path, name: str, *, kinds: Collect
         "legs.geojson": lambda: json_bytes(legs_road(answer), indent=None),
     }
     contents |= {f"{name}.{kind}": partial(_drawn, answer, kind) for kind in kinds}
+    if sheet is not None:
+        contents[SHEET] = partial(_sheet, answer, sheet)
     contents[f"{name}.json"] = lambda: json_bytes(reversal_json(answer))
-    names = tuple(f"{name}.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS))
+    names = (*(f"{name}.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS)), SHEET)
     Together(f"{name}.json", names, {f"{name}.json": "fits_with_m"}).write(directory, contents)
 
 
@@ -171,3 +174,9 @@ def _drawn(answer: Answer, kind: str) -> bytes:
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
     return figure_bytes(reversal_figure(answer), kind)
+
+
+def _sheet(answer: Answer, options: SheetOptions) -> bytes:
+    from hdvplan.report.manoeuvre_sheet import reversal_sheet_bytes  # noqa: PLC0415 - as above
+
+    return reversal_sheet_bytes(answer, options)

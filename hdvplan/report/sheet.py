@@ -117,27 +117,35 @@ def rows_of(
 ) -> tuple[tuple[str, str], ...]:
     """Return the title block's rows of a plan of one leg or several; ``about`` are what is said of the road, and its notice."""
     result, (road, notice) = results[0], about
-    vehicle = result.drive.vehicle
+    vehicle, steering, drawn, made = common_rows(result.drive.vehicle, _steering([one.drive for one in results]), page, options, date)
+    source = ("source", notice or "road file without attribution")
+    made = (made[0], f"{made[1]}, planned with {result.objective}, judged by simulation")
+    return ("road", road), vehicle, steering, drawn, ("position", _position(result)), made, source
+
+
+def common_rows(vehicle: Vehicle, steering: str, page: Page, options: SheetOptions, date: str | None) -> tuple[tuple[str, str], ...]:
+    """Return the rows of every title block: vehicle, steering, scale and date."""
     when = date or datetime.now(UTC).date().isoformat()
     return (
-        ("road", road),
         ("vehicle", f"{vehicle.name}, {vehicle.reach_ahead + vehicle.reach_behind:.2f} x {vehicle.width:.2f} m"),
-        ("steering", _steering([one.drive for one in results])),
+        ("steering", steering),
         ("drawn", f"1:{page.scale} on {options.paper.upper()}, {page.caption}"),
-        ("position", _position(result)),
-        ("date", f"{when}, hdvplan {__version__}, planned with {result.objective}, judged by simulation"),
-        ("source", notice or "road file without attribution"),
+        ("date", f"{when}, hdvplan {__version__}"),
     )
 
 
 def _steering(drives: Sequence[Drive]) -> str:
-    """Return the largest angles of the front wheels, off the middle of the first axle, and of each coupling."""
     vehicle = drives[0].vehicle
     curvature = max(float(np.max(np.abs(drive.kappa), initial=0.0)) for drive in drives)
+    angles = [np.max([np.max(np.abs(drive.poses_z[:, at])) for drive in drives]) for at in range(2, vehicle.rigid_states)]
+    return steering_text(vehicle, curvature, angles)
+
+
+def steering_text(vehicle: Vehicle, curvature: float, angles: Sequence[float]) -> str:
+    """Return the largest angles of the front wheels, off the middle of the first axle, by curvature [1/m], and of each coupling [rad]."""
     wheels = (
         f"at most {_degrees(np.arctan(vehicle.lead.wheelbase * curvature))}, {100.0 * curvature / vehicle.max_curvature:.0f} % of its range"
     )
-    angles = [np.max([np.max(np.abs(drive.poses_z[:, at])) for drive in drives]) for at in range(2, vehicle.rigid_states)]
     return f"{wheels}; articulation {' and '.join(_degrees(angle) for angle in angles)}" if angles else wheels
 
 
@@ -185,19 +193,23 @@ def _draw_title(axes: Axes, sheet: Sheet, options: SheetOptions, size_mm: Size) 
     width, height = size_mm
     axes.set_xlim(0.0, width)
     axes.set_ylim(0.0, height)
-    y = height - _MARGIN_MM
+    y, pitch = height - _MARGIN_MM, 1.25 * _TEXT * MM_PT
     answer = answer_colour(fits=sheet.fits)
-    for text, size, weight, bold in ((sheet.verdict, _VERDICT, "bold", _BOLD), (sheet.details, _TEXT, "normal", 1.0)):
-        for line in _lines(text, width, bold * size, 3):
+    rows = [(name, _lines(value, width - 18.0, _TEXT, 3)) for name, value in sheet.rows]
+    head = _lines(sheet.verdict, width, _BOLD * _VERDICT, 3)
+    below = sum(len(lines) * pitch + 1.2 for _, lines in rows) + STAMP_MM * options.stamp_rows + _MARGIN_MM
+    left = int((y - 1.25 * _VERDICT * MM_PT * len(head) - below) / pitch)  # lines that the details have room for
+    for lines, size, weight in ((head, _VERDICT, "bold"), (_lines(sheet.details, width, _TEXT, max(3, left)), _TEXT, "normal")):
+        for line in lines:
             axes.text(_MARGIN_MM, y, line, fontsize=size, fontweight=weight, color=answer, va="top")
             y -= 1.25 * size * MM_PT
     y -= 1.0
-    for name, value in sheet.rows:
+    for name, lines in rows:
         axes.plot([0.0, width], [y + 0.7, y + 0.7], color=MUTED, linewidth=0.3)
         axes.text(_MARGIN_MM, y, name, fontsize=_SMALL, color=MUTED, va="top")
-        for line in _lines(value, width - 18.0, _TEXT, 3):
+        for line in lines:
             axes.text(_MARGIN_MM + 16.0, y, line, fontsize=_TEXT, va="top")
-            y -= 1.25 * _TEXT * MM_PT
+            y -= pitch
         y -= 1.2
     for number, (name, value) in enumerate(options.stamps):
         x, top = 0.5 * width * (number % 2), STAMP_MM * (options.stamp_rows - number // 2)

@@ -103,8 +103,8 @@ def test_the_page_holds_no_more_lines_than_it_shows(folder: Path, monkeypatch: p
     run_study(read_study(folder / "study.toml"), folder / "out", InHere())
     page = (folder / "out" / "map.html").read_text(encoding="utf-8")
     assert [road["name"] for road in _told(page)["roads"]] == ["lane"]
-    assert "1 roads have no place on the Earth" in page
-    assert "Not shown: 1 roads and 0 places" in page
+    assert "Without a place on the Earth: 1 road, in the table" in page
+    assert "Not shown: 1 road and 0 places" in page
 
 
 @pytest.mark.parametrize("limits", ["half_widths = [1.625]", "left = [1.625]\nright = [1.5]", ""], ids=["even", "uneven", "own"])

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from ezdxf.filemanagement import readfile
 from matplotlib.text import Annotation
+from pypdf import PdfReader
 
 from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.report.manoeuvre_plots import reversal_figure
@@ -18,6 +19,7 @@ from hdvplan.turning.reversing.answer import reversing
 from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
+from tests.report.pdf import strokes
 from tests.turning.reversals import REFUSE
 
 
@@ -73,6 +75,18 @@ def test_the_picture_has_the_size_as_a_dimension_and_tells_kerbs_from_walls(temp
     assert np.hypot(*np.subtract(arrow.xy, arrow.xyann)) == pytest.approx(answer.size)
     labels = [label for label in axes.get_legend_handles_labels()[1] if label.startswith(("kerb", "wall"))]
     assert labels == ([f"kerb, bodies may reach {over:.2f} m over it"] if over else ["wall, parked vehicle"])
+
+
+def test_the_sheet_has_the_site_to_scale_with_its_size_the_cusps_and_the_stamps(cli: Cli, tmp_path: Path, refuse_file: str) -> None:  # noqa: F811
+    options = ("--width", "14", "--overhang", "0.5", "--sheet", "a3", "--scale", "200", "--stamp", "project=Depot 7", "--no-plot")
+    outcome = cli("turn", "--vehicle", refuse_file, "--template", "three-point", *options)
+    (page,) = PdfReader(tmp_path / "three-point.refuse" / "sheet.pdf").pages
+    level = [np.ptp(line[:, 0]) for line in strokes(page) if len(line) == 2 and line[0, 1] == line[1, 1]]
+    assert min(abs(length - 100.0) for length in level) < 1e-3  # the bar of 20 m
+    text = " ".join(page.extract_text().split())
+    first, second = outcome.out.splitlines()[:2]
+    for words in (first, second, "street width 14.00 m", "1:200 on A3", "cusp 1 1:100", "kerb, bodies may reach 0.50 m over it", "Depot 7"):
+        assert words in text
 
 
 def test_blocks_out_of_view_are_no_areas_of_the_road_file(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
