@@ -296,10 +296,10 @@ def test_a_side_that_hangs_is_named(cli: Cli, theirs: Path, monkeypatch: pytest.
     hangs = "import time\ntime.sleep(1e6)\n"
     command = ("bench", "--against", "HEAD", "--command", f"{sys.executable} ours.py", "--quiet", "--out", str(theirs.parent / "gate"))
     (theirs / "ours.py").write_text(hangs, encoding="utf-8")
-    outcome = cli(*command, "--time-limit", "3")
-    assert (outcome.code, outcome.out) == (1, "regressed: the working tree did not end within 3 s\n")
+    outcome = cli(*command, "--time-limit", "2")
+    assert (outcome.code, outcome.out) == (1, "regressed: the working tree did not end within 2 s\n")
     git(theirs, "commit", "--quiet", "--all", "--message", "two")
-    outcome = cli(*command, "--time-limit", "3")
+    outcome = cli(*command, "--time-limit", "2")
     assert outcome.code == 3
     assert outcome.out.startswith("could not measure: HEAD (")
 
