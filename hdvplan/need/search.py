@@ -110,11 +110,14 @@ def least(
             best = _tried(case, question, room, ATTEMPTS, best, on_result)
     step, before = _STEP_M, best.room
     while np.isfinite(best.room) and best.room - question.lowest > TOLERANCE_M + _ROUNDING_M:
-        wanted = best.room - max(min(step, 0.5 * (best.room - question.lowest)), TOLERANCE_M)
-        last = best.room - wanted <= TOLERANCE_M + _ROUNDING_M
+        room, wanted = best.room, best.room - max(min(step, 0.5 * (best.room - question.lowest)), TOLERANCE_M)
+        last = room - wanted <= TOLERANCE_M + _ROUNDING_M
+        if last and wanted - _ROUNDING_M <= best.out_of_reach < room:
+            break  # the pass before asked for it
         best = _tried(case, question, wanted, (_SEARCHED,), best, on_result)
-        if last and before - best.room < _GAIN_M:
+        if last and room - best.room < _GAIN_M:
             best = replace(best, out_of_reach=wanted)
+        if last and before - best.room < _GAIN_M:
             break
         if last:
             step, before = _AGAIN_M, best.room
