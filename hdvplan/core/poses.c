@@ -132,7 +132,7 @@ int64_t trim(
         struct place_of_point at = place_of_point(outline->points + 2 * p, pose, cosine, sine);
         struct bins_met met = bins_met(around, outline->region[p], at);
         if (number == 1 && trim_piece(around, met, at, pieces))
-            number = pieces->low <= pieces->high;
+            number = pieces->low > pieces->high ? 0 : 1; /* NaN leaves all */
         else
             number = trim_point(around, met, at, pieces, number);
     }
