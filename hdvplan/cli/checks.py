@@ -42,7 +42,7 @@ def smoothed(found: Found, name: str, *, quiet: bool) -> Road:
         road = found()
     for remark in road.notes:
         note(remark, quiet=quiet)
-    warn_far_regions(road.regions, [road.path], quiet=quiet)
+    check_far_regions(road.regions, [road.path], quiet=quiet)
     return road
 
 
@@ -112,22 +112,23 @@ def warn_no_side(road: Road, side: str | None, *, quiet: bool) -> None:
         warn(f"--pass {side} has no effect: no obstacle lies on the line, or each has a side of its own", quiet=quiet)
 
 
-def warn_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath], *, quiet: bool) -> None:
-    """Say which regions do not count along a road, or its legs: coordinates that are swapped, or of another system, would go unnoticed.
+def check_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath], *, quiet: bool) -> None:
+    """Refuse regions that are all elsewhere, and say which do not count along a road, or its legs: wrong coordinates would go unnoticed.
 
     Raises:
-        RoadError: all are so far away that they are of no street near by.
+        RoadError: none is within 100 km.
 
     """
     import numpy as np
 
+    from hdvplan.road.crs import ELSEWHERE_HINT
     from hdvplan.road.regions import OPEN_M, distances
 
     apart = np.min([distances(path, regions) for path in paths], axis=0)
     far = apart[apart > OPEN_M]
     if len(far) and apart.min() > _ELSEWHERE_M:
         msg = f"the {len(apart)} regions lie {apart.min() / 1e3:.0f} km from the road, or further"
-        raise RoadError(msg, hint="are their coordinates swapped (longitude comes first), or of another system?")
+        raise RoadError(msg, hint=ELSEWHERE_HINT)
     if len(far):
         nearest = f"the nearest of them {far.min():.0f} m"
         warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)

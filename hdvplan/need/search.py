@@ -100,7 +100,7 @@ def least(
 
     Plans that are ``known``, made for any street of the same line, or one within the first limits give a bound. From there the search goes
     down, in steps that shrink where they fail, of at most half of what may be asked for: plans within far too little room take longest.
-    ``on_progress`` receives a share that grows to 1, ``on_result`` every new plan.
+    ``on_progress`` receives how far a pass is, from 0 to 1, ``on_result`` every new plan.
     """
     best = Least(np.inf, None, question.lowest, question.lowest, 0, None)
     for result in known:
@@ -115,11 +115,10 @@ def least(
         if last and wanted - _ROUNDING_M <= best.out_of_reach < room:
             break  # the pass before asked for it
         best = _tried(case, question, wanted, (_SEARCHED,), best, on_result)
-        if last and room - best.room < _GAIN_M:
-            best = replace(best, out_of_reach=wanted)
-        if last and before - best.room < _GAIN_M:
-            break
         if last:
+            best = replace(best, out_of_reach=wanted) if room - best.room < _GAIN_M else best
+            if before - best.room < _GAIN_M:
+                break
             step, before = _AGAIN_M, best.room
         elif best.room > wanted + _GIVES_M:
             step /= _SHRINKS

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import BREACH, INK, answer_colour, body_colour
@@ -123,7 +124,7 @@ def reversal_figure(answer: Answer) -> Figure:
     left, low, right, high = view_of(answer).bounds
     figure = Figure(figsize=(_WIDE, float(np.clip(_WIDE * (high - low) / (right - left) + 1.0, *_HIGH))), layout="constrained")
     axes = figure.add_subplot()
-    draw_site(axes, answer)
+    draw_site(axes, answer, swept_on(answer))
     axes.set_xlim(left, right)
     axes.set_ylim(low, high)
     axes.set_aspect("equal")
@@ -135,13 +136,18 @@ def reversal_figure(answer: Answer) -> Figure:
     return figure
 
 
-def draw_site(axes: Axes, answer: Answer, *, weight: float = SLIDE, turned: TurnOf = UNTURNED) -> None:
-    """Draw a site with its size, what is swept in it, the lead rear axle's lines, and the vehicle at begin, cusps and end."""
+def swept_on(answer: Answer) -> tuple[BaseGeometry, ...]:
+    """Return the plane area that all bodies sweep on each leg [m]."""
+    units = range(len(answer.vehicle.units))
+    return tuple(shapely.union_all([leg_area(answer, leg, unit) for unit in units]) for leg in answer.chosen.manoeuvre.legs)
+
+
+def draw_site(axes: Axes, answer: Answer, swept: Sequence[BaseGeometry], *, weight: float = SLIDE, turned: TurnOf = UNTURNED) -> None:
+    """Draw a site with its size, what is ``swept_on`` each leg, the lead rear axle's lines, and the vehicle at begin, cusps and end."""
     _draw_blocks(axes, answer, weight, turned)
     _draw_size(axes, answer, weight, turned)
     legs, named = answer.chosen.manoeuvre.legs, set[bool]()
-    for leg in legs:
-        area = shapely.union_all([leg_area(answer, leg, unit) for unit in range(len(answer.vehicle.units))])
+    for leg, area in zip(legs, swept, strict=True):
         draw_area(axes, shapely.transform(area, turned), backward=leg.backward, named=leg.backward not in named, weight=weight)
         draw_line(axes, turned(line_of(leg)), backward=leg.backward, named=leg.backward not in named, weight=weight)
         named.add(leg.backward)

@@ -117,21 +117,27 @@ def rows_of(
 ) -> tuple[tuple[str, str], ...]:
     """Return the title block's rows of a plan of one leg or several; ``about`` are what is said of the road, and its notice."""
     result, (road, notice) = results[0], about
-    vehicle, steering, drawn, made = common_rows(result.drive.vehicle, _steering([one.drive for one in results]), page, options, date)
-    source = ("source", notice or "road file without attribution")
-    made = (made[0], f"{made[1]}, planned with {result.objective}, judged by simulation")
-    return ("road", road), vehicle, steering, drawn, ("position", _position(result)), made, source
+    return (
+        ("road", road),
+        *drawn_rows(result.drive.vehicle, _steering([one.drive for one in results]), page, options),
+        ("position", _position(result)),
+        date_row(date, f"planned with {result.objective}", "judged by simulation"),
+        ("source", notice or "road file without attribution"),
+    )
 
 
-def common_rows(vehicle: Vehicle, steering: str, page: Page, options: SheetOptions, date: str | None) -> tuple[tuple[str, str], ...]:
-    """Return the rows of every title block: vehicle, steering, scale and date."""
-    when = date or datetime.now(UTC).date().isoformat()
+def drawn_rows(vehicle: Vehicle, steering: str, page: Page, options: SheetOptions) -> tuple[tuple[str, str], ...]:
+    """Return the rows of every title block about what is drawn: vehicle, steering and scale."""
     return (
         ("vehicle", f"{vehicle.name}, {vehicle.reach_ahead + vehicle.reach_behind:.2f} x {vehicle.width:.2f} m"),
         ("steering", steering),
         ("drawn", f"1:{page.scale} on {options.paper.upper()}, {page.caption}"),
-        ("date", f"{when}, hdvplan {__version__}"),
     )
+
+
+def date_row(date: str | None, *how: str) -> tuple[str, str]:
+    """Return the row of a title block with the date, today in UTC where none is given, the program, and how it was made."""
+    return "date", ", ".join((date or datetime.now(UTC).date().isoformat(), f"hdvplan {__version__}", *how))
 
 
 def _steering(drives: Sequence[Drive]) -> str:

@@ -21,6 +21,7 @@ _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
 _STEP_M = 100.0  # over which a system's scale is measured
 _FALSE_LENGTHS = 0.01  # share by which lengths may be wrong: 3 cm of 3 m
 _DEGREES_SPACING = 1e-2  # of points
+ELSEWHERE_HINT = "are their coordinates swapped (longitude comes first), or of another system?"  # of what lies far from its road
 _DEGREES_LENGTH = 5.0  # no road is this short in metres, or this long in degrees
 
 

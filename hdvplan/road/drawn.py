@@ -11,6 +11,7 @@ import scipy  # its subpackages load when they are first used
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.errors import RoadError
 from hdvplan.road.about import About
+from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.pieces import Kerb, between
@@ -69,7 +70,7 @@ def _refuse_elsewhere(line: FloatArray, edges: FloatArray) -> None:
     far = float(np.hypot(*np.maximum(apart, 0.0)))
     if far > _ELSEWHERE_M:
         msg = f"the edges lie {far / 1e3:.0f} km from the road"
-        raise RoadError(msg, hint="are their coordinates swapped (longitude comes first), or of another system?")
+        raise RoadError(msg, hint=ELSEWHERE_HINT)
 
 
 def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tuple[list[Kerb], list[str]]:

@@ -157,9 +157,9 @@ def reversing(
     tried: list[Tried] = []
     errors: list[TurnError] = []
     numbers = _LEGS[template] if size is not None or all_legs else (_OWN_LEGS,)
-    shares = np.cumsum([0, *(legs**2 for legs in numbers)]) / sum(legs**2 for legs in numbers)  # about what they take
+    taken = np.cumsum([0, *(legs**2 for legs in numbers)])  # about, by those before
     for number, legs in enumerate(numbers):
-        part = part_of(on_progress, float(shares[number]), float(shares[number + 1]))
+        part = part_of(on_progress, *(taken[number : number + 2] / taken[-1]).tolist())
         try:
             tried.append(_half_turned(site, vehicle, legs, starts, part))
         except TurnError as error:  # another number of legs may do
