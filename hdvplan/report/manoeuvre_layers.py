@@ -22,7 +22,7 @@ _RING_SEGMENTS = 128  # a quarter: on a radius of 15 m chords are off by 0.3 mm
 _AREA_M = 0.2  # between the poses that a swept area is joined from: short by 0.7 mm at a radius of 7 m
 _TRACK_M = 0.25
 _LINE_M = 0.5  # between points of a leg's line: on a radius of 6 m off by 5 mm
-_ROOM_M = 4.0  # of the site that is shown around what is swept
+_ROOM_M = 4.0  # of the site that is shown around what is swept and stands at its ends
 
 
 def turn_features(turn: Turn) -> tuple[Drawn, ...]:
@@ -72,9 +72,10 @@ def reversal_features(answer: Answer) -> tuple[Drawn, ...]:
 
 
 def view_of(answer: Answer) -> shapely.Polygon:
-    """Return the box of the site that is shown."""
-    corners = np.concatenate([corners_at(answer.vehicle, leg.poses).reshape(-1, 2) for leg in answer.chosen.manoeuvre.legs])
-    box: shapely.Polygon = shapely.box(*(corners.min(axis=0) - _ROOM_M), *(corners.max(axis=0) + _ROOM_M))
+    """Return the box of the site that is shown: around what is swept, and the walls at its ends."""
+    corners = [corners_at(answer.vehicle, leg.poses).reshape(-1, 2) for leg in answer.chosen.manoeuvre.legs]
+    points = np.concatenate([*corners, *(np.array(wall.tips) for wall in answer.walls)])
+    box: shapely.Polygon = shapely.box(*(points.min(axis=0) - _ROOM_M), *(points.max(axis=0) + _ROOM_M))
     return box
 
 

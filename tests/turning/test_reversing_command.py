@@ -62,7 +62,11 @@ def test_the_poses_tell_leg_and_direction_and_go_on_at_the_cusps(cli: Cli, tmp_p
 
 @pytest.mark.parametrize(
     ("template", "options", "over"),
-    [(Template.DOCK_90, SiteOptions(), 0.0), (Template.THREE_POINT, SiteOptions(width=14.0, overhang=0.5), 0.5)],
+    [
+        (Template.DOCK_90, SiteOptions(), 0.0),
+        (Template.DOCK_90, SiteOptions(apron=45.0), 0.0),  # its far side was out of view
+        (Template.THREE_POINT, SiteOptions(width=14.0, overhang=0.5), 0.5),
+    ],
 )
 def test_the_picture_has_the_size_as_a_dimension_and_tells_kerbs_from_walls(template: Template, options: SiteOptions, over: float) -> None:
     vehicle = load_vehicle("tractor-semitrailer" if template.docks else "citaro-k")
@@ -73,6 +77,8 @@ def test_the_picture_has_the_size_as_a_dimension_and_tells_kerbs_from_walls(temp
     arrow = axes.texts[text - 1]
     assert isinstance(arrow, Annotation)
     assert np.hypot(*np.subtract(arrow.xy, arrow.xyann)) == pytest.approx(answer.size)
+    low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
+    assert np.all((np.array([arrow.xy, arrow.xyann]) > low) & (np.array([arrow.xy, arrow.xyann]) < high))
     labels = [label for label in axes.get_legend_handles_labels()[1] if label.startswith(("kerb", "wall"))]
     assert labels == ([f"kerb, bodies may reach {over:.2f} m over it"] if over else ["wall, parked vehicle"])
 
