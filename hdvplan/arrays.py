@@ -1,4 +1,4 @@
-"""The types of arrays and records, and extremes over windows."""
+"""The types of arrays and records, lengths along polylines, and extremes over windows."""
 
 from __future__ import annotations
 
@@ -11,6 +11,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 Records = NDArray[np.void]  # a structured array; every module that makes one names its columns
+
+
+def chord_of(points: FloatArray) -> FloatArray:
+    """Return the length along a polyline at its points [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
 
 
 def running(pick: Callable[[FloatArray, FloatArray], FloatArray], values: FloatArray, behind: int, ahead: int) -> FloatArray:

@@ -12,54 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hdvplan.errors import OptionError
 from hdvplan.texts import encoded, no_formula
 
 if TYPE_CHECKING:  # files of other kinds need no pandas
     import pandas as pd
 
-_ROWS_AT_ONCE = 1000
 _NEW, _GONE = ".hdvplan-new", ".gone"  # the folder of files that are written together, and in it the names of those that go
 _LONGEST = 40  # letters of a name that go into that of a file under way
 _LARGEST = 2_000_000_000  # bytes of a file that hdvplan wrote: tables of a road of thousands of kilometres
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column of a long table, and the ``printf`` format that says how exactly they are written."""
-
-    content: NDArray[Any]
-    form: str = "%s"  # words, whole numbers, truth values
-
-
-def table_bytes(table: Mapping[str, Column]) -> bytes:
-    """Return columns of equal length as CSV; missing numbers are empty. Some column must have values.
-
-    Formats for many rows at once take a tenth of the time of numbers that read back to their last bit.
-    """
-    forms, cells = [], []
-    for column in table.values():
-        content, form = column.content, column.form
-        missing = np.isnan(content) if content.dtype.kind == "f" else np.zeros(len(content), bool)
-        if np.any(missing) and not np.all(missing):
-            texts = ["" if none else form % value for none, value in zip(missing, content.tolist(), strict=True)]
-            content, form = np.array(texts, dtype=object), "%s"
-        if np.all(missing) and len(missing):
-            forms.append("")
-        else:
-            forms.append(form)
-            cells.append(content)
-    if not all(content.dtype.kind == "f" for content in cells):
-        cells = [content.astype(object) for content in cells]
-    cells = [content if content.dtype.kind != "O" else np.array([_word(value) for value in content], dtype=object) for content in cells]
-    row, parts = ",".join(forms) + "\n", [",".join(table) + "\n"]
-    for begin in range(0, max(map(len, cells), default=0), _ROWS_AT_ONCE):
-        block = np.stack([content[begin : begin + _ROWS_AT_ONCE] for content in cells], axis=1)
-        parts.append((row * len(block)) % tuple(block.ravel().tolist()))
-    return encoded("".join(parts))
 
 
 def csv_bytes(table: pd.DataFrame) -> bytes:
@@ -249,11 +210,3 @@ def _has_entry(path: Path, entry: str) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(found, dict) and entry in found
-
-
-def _word(value: object) -> object:
-    """Return a cell of a table of columns; words that would end it or begin a formula as CSV quotes them."""
-    if not isinstance(value, str):
-        return value
-    word = no_formula(value)
-    return '"{}"'.format(word.replace('"', '""')) if any(sign in word for sign in ',"\n\r') else word

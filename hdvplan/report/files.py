@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.fileio import Column, Together, json_bytes, table_bytes
+from hdvplan.columns import Column, table_bytes
+from hdvplan.fileio import Together, json_bytes
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
 from hdvplan.report.geojson import swept_geojson

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import shapely
 
-from hdvplan.fileio import Column, json_bytes, table_bytes
+from hdvplan.columns import Column, table_bytes
+from hdvplan.fileio import json_bytes
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import JACKKNIFE, Jackknife, LegsResult
 from hdvplan.judging.result import Result

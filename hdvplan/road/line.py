@@ -111,15 +111,15 @@ def smoothed(line: Line, shortest: float = MIN_LENGTH_M) -> tuple[Road, FloatArr
         RoadError: the line cannot be smoothed within its options, is shorter than ``shortest`` [m], or has widths and edges.
 
     """
-    from hdvplan.road.smooth import smooth_line, smoothing_of  # noqa: PLC0415 - a file is refused without loading SciPy
-    from hdvplan.road.splines import path_through  # noqa: PLC0415 - as above
-
     name, raw, options = line.name, line.raw, line.options
     if raw.is_profile:
         refuse_unheeded(f"{name}: a curvature profile", options, *OF_POINTS)
         s, kappa = raw.points.T
         s = s - s[0]
         return Road(name, from_curvature(s, kappa)).within(_widths(s, raw.reaches)), s
+    from hdvplan.road.smooth import smooth_line, smoothing_of  # noqa: PLC0415 - curvature profiles, and refusals, need no SciPy
+    from hdvplan.road.splines import path_through  # noqa: PLC0415 - as above
+
     dense = None if raw.rounded is None else path_through(raw.rounded, options.max_curvature)
     smoothing: Smoothing | None
     if dense is None:

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hdvplan.arrays import FloatArray
-from hdvplan.road.splines import chord_of
+from hdvplan.arrays import FloatArray, chord_of
 
 _STEP_M = 0.5
 _AHEAD = 0.8  # of the tightest radius, along the line, lies the point that is driven to

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, chord_of
 from hdvplan.errors import RoadError
 from hdvplan.road.checks import MAX_LENGTH_M, MIN_LENGTH_M
 from hdvplan.road.path import ReferencePath, from_samples
@@ -13,11 +13,6 @@ from hdvplan.road.path import ReferencePath, from_samples
 FEWEST_CELLS = 8  # of a very short road
 _EXACT_M = 0.25  # knots of a line that is not smoothed
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
-
-
-def chord_of(points: FloatArray) -> FloatArray:
-    """Return the length along a polyline at its points [m]."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
 
 
 def check_length(length: float, shortest: float = MIN_LENGTH_M) -> None:

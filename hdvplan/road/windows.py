@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hdvplan.arrays import BoolArray, FloatArray
+from hdvplan.arrays import BoolArray, FloatArray, chord_of
 from hdvplan.errors import RoadError
 from hdvplan.road.about import About
 from hdvplan.road.lane import offset_road, reversed_road
@@ -23,7 +23,6 @@ from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import OPEN_M, Region
 from hdvplan.road.road import Road
-from hdvplan.road.splines import chord_of
 
 WINDOW_M = 5000.0  # about
 BLEND_M = 50.0

@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from hdvplan.api import plan
 from hdvplan.case import Case
+from hdvplan.columns import Column, table_bytes
 from hdvplan.errors import OptionError
-from hdvplan.fileio import Column, settle, table_bytes, write_atomically
+from hdvplan.fileio import settle, write_atomically
 from hdvplan.judging.result import Result
 from hdvplan.report.files import Table, drawn_bytes, envelope_table, path_table, profile_table, steps_table, write_plan
 from hdvplan.report.planfiles import read_plan
@@ -121,6 +124,16 @@ def test_missing_numbers_are_empty_and_words_stand_as_they_are() -> None:
     long = {"number": Column(np.arange(2501.0), "%.1f")}  # more rows than are written at once
     assert table_bytes(long).decode().splitlines() == ["number", *(f"{number}.0" for number in range(2501))]
     assert table_bytes({"none": Column(np.empty(0), "%.1f")}) == b"none\n"
+
+
+_NEAR_HALVES = st.integers(-(10**7), 10**7).map(lambda half: half / 2e6)
+
+
+@given(st.lists(st.floats() | st.decimals(-9999, 9999, places=7).map(float) | _NEAR_HALVES, min_size=1), st.integers(0, 12))
+@example([1.7976931348623157e308, -np.inf, 0.0, -0.0, np.nan, 0.5, 1.5, 2.5, 99999.5, 0.0000005], 0)
+def test_decimals_are_those_of_printf(values: list[float], places: int) -> None:
+    written = table_bytes({"number": Column(np.array(values), f"%.{places}f")}).decode().split("\n")
+    assert written == ["number", *("" if np.isnan(value) else f"{value:.{places}f}" for value in values), ""]
 
 
 def test_the_envelope_s_limits_are_empty_without_limits(trailer: Result, bus: Result) -> None:
