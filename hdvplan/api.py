@@ -18,10 +18,11 @@ from hdvplan.proof.answer import proved
 from hdvplan.solvers.registry import SolverClass, SolverMaker, dependable, solver_named
 
 
-def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> Result:
+def plan(case: Case, *, on_progress: Callable[[float], None] | None = None, on_plan: Callable[[Plan], None] | None = None) -> Result:
     """Plan ``case.vehicle`` along the whole of ``case.road`` in receding horizon, and judge the plan by an exact simulation.
 
-    For every obstacle that can be passed on either side, both are tried. ``on_progress`` receives the driven share, 0 to 1.
+    For every obstacle that can be passed on either side, both are tried. ``on_progress`` receives the driven share, 0 to 1, ``on_plan``
+    every plan before it is executed; an error that it raises ends the drive.
 
     Raises:
         OptionError: no such objective, or a bias that the road or the objective has no room for.
@@ -33,7 +34,7 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None) -> R
     road, passed = choose_sides(case)
     own = replace(case, road=road)
     try:
-        executed = drive_case(own, on_progress=on_progress)
+        executed = drive_case(own, on_progress=on_progress, on_plan=on_plan)
     except PlanError:
         if road.street is None:
             raise

@@ -9,8 +9,11 @@ import numpy as np
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.driving.drive import Drive
+from hdvplan.road.path import ReferencePath
+from hdvplan.road.pieces import Pieces
 from hdvplan.road.street import Street
 from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.model import Vehicle
 
 # Where a body came nearest to a kerb while the vehicle moved from a pose to the next.
 TOUCH = core.record("hdv_touch")
@@ -71,10 +74,17 @@ def half_width_of(drive: Drive, s: FloatArray, half: float) -> tuple[float, Touc
 
 
 def _swept(drive: Drive, street: Street) -> Records:
-    """Return the touches of all poses, (poses, units, 2, sections)."""
-    path, units, behind, n = drive.stations.path, drive.vehicle.table(), axles_behind(drive.vehicle), drive.vehicle.states
-    pieces = street.pieces(path.s_first, path.s_last)
-    s, z, kappa = (np.ascontiguousarray(column) for column in (drive.poses_s, drive.poses_z, drive.poses_kappa))
+    path = drive.stations.path
+    return touches_along(drive.vehicle, path, street.pieces(path.s_first, path.s_last), drive.poses_s, drive.poses_z, drive.poses_kappa)
+
+
+def touches_along(vehicle: Vehicle, path: ReferencePath, pieces: Pieces, s: FloatArray, z: FloatArray, kappa: FloatArray) -> Records:
+    """Return the touches from each pose to the next, (poses, units, 2, sections); beside nothing their piece is -1.
+
+    The vehicle was driven from states ``z`` (poses, n) at arclengths ``s`` (poses,) [m], each with ``kappa`` (poses - 1,) [1/m].
+    """
+    units, behind, n = vehicle.table(), axles_behind(vehicle), vehicle.states
+    s, z, kappa = (np.ascontiguousarray(column) for column in (s, z, kappa))
     touches = np.empty((len(s), len(units), len(SIDES), _SECTIONS), TOUCH)
     _touch_many(
         core.address(pieces.record), core.address(units), len(units), n, core.address(path.record), core.address(behind), len(s),

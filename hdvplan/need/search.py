@@ -16,16 +16,19 @@ from hdvplan import api
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError, PlanError, RoadError, SolverError
 from hdvplan.judging.balance import KEPT_M, balance_of, gaps_of
-from hdvplan.judging.clearance import SIDES, touches_of
+from hdvplan.judging.clearance import SIDES, touches_along, touches_of
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result
+from hdvplan.planning.planner import Plan
 from hdvplan.planning.settings import Scheme
+from hdvplan.planning.stations import ROOM_M
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
 
 TOLERANCE_M = 0.01  # of every answer
 WIDE_M = 15.0  # no more room is looked for; obstacles count to 20 m off the line
 _ROUNDING_M = 1e-6
+_SURE_M = 1e-3  # more than what is executed is off what was planned
 _STEP_M = 0.32  # by which a search begins to ask for less
 _SHRINKS = 4.0  # by how much the step does where a plan does not keep what was asked for
 _AGAIN_M = 0.04  # the step of later passes: often a plan that is asked for much less needs less than one that is asked for little less
@@ -88,6 +91,10 @@ class Least:
     blocked: Approach | None = None  # the obstacle that the last plan which does not pass comes too near to, if there is one
 
 
+class _WorseError(Exception):
+    """A drive ends because it needs more than another did."""
+
+
 def least(
     case: Case,
     question: Question,
@@ -100,7 +107,8 @@ def least(
 
     Plans that are ``known``, made for any street of the same line, or one within the first limits give a bound. From there the search goes
     down, in steps that shrink where they fail, of at most half of what may be asked for: plans within far too little room take longest.
-    ``on_progress`` receives how far a pass is, from 0 to 1, ``on_result`` every new plan.
+    ``on_progress`` receives how far a pass is, from 0 to 1, ``on_result`` every new plan; without it those that are seen to need more than
+    another end there.
     """
     best = Least(np.inf, None, question.lowest, question.lowest, 0, None)
     for result in known:
@@ -127,12 +135,12 @@ def least(
     return best if best.result is None else replace(best, result=on_road(best.result, question.road(best.room)))
 
 
-def plans_of(case: Case, objectives: Sequence[str]) -> Iterator[Result | HdvplanError]:
+def plans_of(case: Case, objectives: Sequence[str], on_plan: Callable[[Plan], None] | None = None) -> Iterator[Result | HdvplanError]:
     """Plan a case by every one of ``objectives``, one after the other; a plan that cannot be made gives its error."""
     settings = replace(case.settings, scheme=Scheme.RTI)
     for objective in objectives:
         try:
-            yield api.plan(replace(case, objective=objective, settings=settings))
+            yield api.plan(replace(case, objective=objective, settings=settings), on_plan=on_plan)
         except (PlanError, RoadError, SolverError) as error:  # an obstacle with a given side may leave no room within narrow limits
             yield error
 
@@ -166,18 +174,45 @@ def _tried(
     case: Case, question: Question, room: float, attempts: Sequence[str], best: Least, on_result: Callable[[Result], None] | None
 ) -> Least:
     """Try all ways within ``room`` until one needs no more; return what is the least now."""
-    for made in plans_of(replace(case, road=question.road(room)), attempts):
+    within = replace(case, road=question.road(room))
+    watched = _worse(within, question.sides, best.room - room) if on_result is None and np.isfinite(best.room) else None
+    try:
+        for made in plans_of(within, attempts, watched):
+            best = replace(best, plans=best.plans + 1)
+            if isinstance(made, HdvplanError):
+                best = replace(best, failure=made)
+                continue
+            best = replace(best, blocked=too_near(made) or best.blocked)
+            if on_result is not None:
+                on_result(made)
+            best = _better(best, question, made, room)
+            if best.room <= room + _GIVES_M:
+                break
+    except _WorseError:
         best = replace(best, plans=best.plans + 1)
-        if isinstance(made, HdvplanError):
-            best = replace(best, failure=made)
-            continue
-        best = replace(best, blocked=too_near(made) or best.blocked)
-        if on_result is not None:
-            on_result(made)
-        best = _better(best, question, made, room)
-        if best.room <= room + _GIVES_M:
-            break
     return best
+
+
+def _worse(case: Case, sides: Sequence[str], lacking: float) -> Callable[[Plan], None]:
+    """Return what ends a drive by ``_WorseError`` where it lacks more than ``lacking`` [m] to the kerbs on ``sides``.
+
+    What a plan predicts says where to look; what counts is how far the part that is executed goes beyond the kerbs.
+    """
+    road, vehicle, settings = replace(case.road, faces=()), case.vehicle, case.settings
+    street, path = road.kerbs, road.path.extended(vehicle.reach_behind + ROOM_M, vehicle.reach_ahead + ROOM_M + settings.horizon)
+    pieces = None if street is None else street.pieces(path.s_first, path.s_last)
+    chosen = [SIDES.index(side) for side in sides]
+
+    def look(plan: Plan) -> None:
+        if pieces is None or plan.violation <= lacking:
+            return
+        s = settings.step * (plan.first + np.arange(settings.executed + 1, dtype=np.float64))
+        touches = touches_along(vehicle, path, pieces, s, plan.z[: len(s)], plan.kappa[: len(s) - 1])[:, :, chosen]
+        gap = np.where(touches["piece"] < 0, np.inf, touches["gap"])
+        if settings.clearance - np.min(gap) > lacking + _SURE_M:
+            raise _WorseError
+
+    return look
 
 
 def _better(best: Least, question: Question, result: Result, room: float) -> Least:

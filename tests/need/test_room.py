@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -9,13 +10,30 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hdvplan import api
 from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.centring.weights import CentringTable
 from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.clearance import SIDES
+from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import need_of
-from hdvplan.need.search import TOLERANCE_M, Least, kerbs_on, least_edge, least_half_width, spare_of
+from hdvplan.need.search import (
+    TOLERANCE_M,
+    WIDE_M,
+    Least,
+    Question,
+    _worse,
+    _WorseError,
+    even,
+    kerbs_on,
+    least,
+    least_edge,
+    least_half_width,
+    spare_of,
+)
+from hdvplan.planning.planner import Plan
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.options import RoadOptions
@@ -64,6 +82,35 @@ def bend() -> Case:
 def test_a_straight_road_needs_half_the_vehicles_width() -> None:
     found = least_half_width(case_on([0.0, 60.0], [0.0, 0.0]))
     assert found.room == pytest.approx(0.5 * BUS.width, abs=1e-6)  # the simulation of a straight drive is exact to rounding
+
+
+def test_drives_that_end_where_they_are_worse_change_no_answer(bend: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole: list[Result] = []
+    every = least(bend, Question(even(bend.road), SIDES, 0.5 * BUS.width, (WIDE_M,)), on_result=whole.append)
+    ended: list[Result] = []
+
+    def kept(case: Case, on_plan: Callable[[Plan], None]) -> Result:
+        ended.append(plan(case, on_plan=on_plan))
+        return ended[-1]
+
+    monkeypatch.setattr(api, "plan", kept)
+    found = least_half_width(bend)
+    assert (found.room, found.plans, found.out_of_reach) == (every.room, every.plans, every.out_of_reach)
+    assert len(ended) < len(whole) == found.plans
+
+
+def test_a_drive_ends_where_it_lacks_more_than_another_needs(bend: Case) -> None:
+    narrow = replace(bend, road=bend.road.with_limits(1.5, 1.5))  # 0.23 m more than the straight bus is wide
+    look, driven = _worse(narrow, SIDES, 0.1), []
+
+    def watched(made: Plan) -> None:
+        driven.append(made)
+        look(made)
+
+    plan(narrow, on_plan=_worse(narrow, SIDES, 10.0))
+    with pytest.raises(_WorseError):
+        plan(narrow, on_plan=watched)
+    assert 0.0 < driven[-1].first * SETTINGS.step < 68.0  # it swings out before the bend
 
 
 def test_a_long_circle_needs_what_the_balanced_circle_sweeps() -> None:
