@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hdvplan.answers import NO, YES, without_word, worded
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 
 if TYPE_CHECKING:
@@ -66,13 +65,8 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verd
     if as_json:
         print_json(summary_of(result))
     elif not quiet:
-        line, strays = verdict_line(result, verdict), _strays(result) if verdict.fits else ""
-        print_line(worded(NO, strays) if strays else line)
-        details = [
-            without_word(line, YES) if strays else "",
-            verdict_details(result, verdict),
-            tracking_line(result) if verdict.fits else "",
-        ]
+        print_line(verdict_line(result, verdict))
+        details = [verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
         print_line("; ".join(text for text in details if text))
     if result.planned and verdict.fits and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < _NEAR_M:
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
@@ -139,9 +133,13 @@ def print_plan(result: Result, directory: Path) -> None:
 def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     """Return the exit code; what is broken is an error that names the deepest place."""
     from hdvplan.judging.result import breach_text, entered_text
+    from hdvplan.judging.verdict import strays_text
 
+    if verdict.strays is not None:
+        report_error(f"the plan {strays_text(result, verdict)}", "--clearance M plans with more room to err")
+        return ExitCode.BROKEN
     if verdict.fits is not False:
-        return _exit_code_of_driver(result)
+        return ExitCode.OK
     breach = max(result.balance.breaches, key=lambda breach: breach.depth, default=None)
     hit = min(result.entered, key=lambda approach: approach.distance, default=None)
     if breach is not None and (hit is None or breach.depth >= -hit.distance):
@@ -163,20 +161,3 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
             "the vehicle fits without that clearance; `hdvplan need ROAD --vehicle NAME --clearance M` finds the room that it takes",
         )
     return ExitCode.BROKEN
-
-
-def _exit_code_of_driver(result: Result) -> ExitCode:
-    """Return the exit code of a plan that fits: whether it does with the tracking error that is asked for."""
-    strays = _strays(result)
-    if not strays:
-        return ExitCode.OK
-    report_error(f"the plan {strays}", "--clearance M plans with more room to err")
-    return ExitCode.BROKEN
-
-
-def _strays(result: Result) -> str:
-    """Return why a plan that fits does not with the tracking error that is asked for; "" where it does."""
-    wanted, tracking = result.case.settings.tracking_error, result.tracking
-    if tracking is None or tracking.error >= wanted:
-        return ""
-    return f"holds for a driver who strays by {tracking.error:.3f} m, not for the {wanted:g} m that were asked for"

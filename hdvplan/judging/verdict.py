@@ -45,6 +45,7 @@ class Verdict:
     obstacle: str | None  #: the name of the obstacle that decides, "" for one without a name; None where a limit of the road does
     wheels_spare: float | None  #: least room of wheels and what lies between them on the whole road, without the clearance [m]
     proof: Proof | None = None  #: that no drive fits; None where ``fits``, and where no proof was found
+    strays: float | None = None  #: by how much the driver of a plan that ``fits`` may stray, where more was asked for; else None [m]
 
     @property
     def proved(self) -> bool:
@@ -52,9 +53,14 @@ class Verdict:
         return self.proof is not None
 
     @property
+    def holds(self) -> bool | None:
+        """Whether the plan fits, for a driver who strays by as much as was asked for; None on a road without limits."""
+        return self.fits and self.strays is None
+
+    @property
     def word(self) -> str:
         """``YES``, ``NO`` or, without limits, ``NEEDS``."""
-        return word_of(self.fits)
+        return word_of(self.holds)
 
 
 def verdict_of(result: Result) -> Verdict:
@@ -62,8 +68,11 @@ def verdict_of(result: Result) -> Verdict:
 
     A limit, or the clearance from it, counts as kept if it is broken by at most ``KEPT_M``.
     """
-    found = _found(result)
-    return replace(found, proof=result.proof) if found.fits is False else found
+    found, wanted = _found(result), result.case.settings.tracking_error
+    if not found.fits:
+        return replace(found, proof=result.proof) if found.fits is False else found
+    strays = np.inf if wanted == 0.0 or result.tracking is None else result.tracking.error
+    return replace(found, strays=strays) if strays < wanted else found
 
 
 class _Place(NamedTuple):
@@ -119,7 +128,7 @@ def verdict_line(result: Result, verdict: Verdict, of: str = "") -> str:
 def verdict_details(result: Result, verdict: Verdict, of: str = "") -> str:
     """Return what else is known, as one line: what the first had no room for, coordinates, wheels, and whether anything can fit."""
     who, line = _who(result, verdict)[0], verdict_line(result, verdict, of)
-    parts = [] if who in line else [who]
+    parts = [] if who in line else [who] if verdict.strays is None else [_room(verdict, who, of)]
     parts.append(f"at {place_text(verdict.x, verdict.y, verdict.lonlat)}")
     if verdict.fits is None:
         parts.append("the road has no limits")
@@ -146,10 +155,20 @@ def _who(result: Result, verdict: Verdict) -> list[str]:
 
 
 def _answer(result: Result, verdict: Verdict, who: str, of: str) -> str:
-    where = f"at s = {verdict.s:.1f} m{of}"
     if verdict.fits is None:
-        return f"{amount_text(verdict)} for the {result.drive.vehicle.name}: {who} {where}"
-    return worded(verdict.word, f"{_amount(verdict)} {where}, {who}")
+        return f"{amount_text(verdict)} for the {result.drive.vehicle.name}: {who} at s = {verdict.s:.1f} m{of}"
+    return worded(verdict.word, strays_text(result, verdict) or _room(verdict, who, of))
+
+
+def _room(verdict: Verdict, who: str, of: str) -> str:
+    return f"{_amount(verdict)} at s = {verdict.s:.1f} m{of}, {who}"
+
+
+def strays_text(result: Result, verdict: Verdict) -> str:
+    """Return what a plan that fits lacks for a driver who strays by as much as was asked for; "" if nothing."""
+    if verdict.strays is None:
+        return ""
+    return f"holds for a driver who strays by {verdict.strays:.3f} m, not for the {result.case.settings.tracking_error:g} m asked for"
 
 
 def _amount(verdict: Verdict) -> str:
@@ -181,8 +200,10 @@ def tracking_line(result: Result) -> str:
 
 def verdict_title(result: Result, verdict: Verdict) -> str:
     """Return the verdict as a short title: vehicle, word, amount and place."""
-    place = "" if verdict.fits is None else f" at s = {verdict.s:.0f} m"
-    return f"{result.drive.vehicle.name} on {result.drive.road.name}: {short_verdict(verdict)}{place}"
+    strays = strays_text(result, verdict)
+    answer = f"{verdict.word}, {strays}" if strays else short_verdict(verdict)
+    place = "" if verdict.fits is None or strays else f" at s = {verdict.s:.0f} m"
+    return f"{result.drive.vehicle.name} on {result.drive.road.name}: {answer}{place}"
 
 
 def short_verdict(verdict: Verdict) -> str:

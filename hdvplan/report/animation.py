@@ -171,7 +171,7 @@ def _map(result: Result, window: Window) -> Ground:
         finish_map(axes, north=drive.road.to_lonlat is not None)
 
     swept = [swept_label(body_name(drive.vehicle, unit), unit) for unit in range(len(drive.vehicle.units))]
-    head = (verdict_title(result, verdict), answer_colour(fits=verdict.fits), drive.road.notice)
+    head = (verdict_title(result, verdict), answer_colour(fits=verdict.holds), drive.road.notice)
     return ground_of(draw, swept, head, bodies=len(swept))
 
 

@@ -12,7 +12,7 @@ from matplotlib.patches import PathPatch
 
 from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import amount_text, short_verdict, verdict_of
+from hdvplan.judging.verdict import amount_text, short_verdict, strays_text, verdict_of
 from hdvplan.report.colours import INK, MUTED, answer_colour, body_colour
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.layers import Drawn, Layer, drawn_features
@@ -36,7 +36,8 @@ def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
     rows = []
     for result in results:
         verdict = verdict_of(result)
-        decides = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}, {verdict.side}"
+        part = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}, {verdict.side}"
+        decides = strays_text(result, verdict) or part
         spare, half = (np.nan, verdict.half_width) if verdict.spare is None else (verdict.spare, np.nan)
         rows.append((result.drive.vehicle.name, verdict.word, verdict.proved, spare, verdict.clearance_wanted, half, verdict.s, decides))
     return pd.DataFrame(rows, columns=["vehicle", "answer", "proved", "spare_m", "clearance_m", "half_width_m", "s_m", "decides"])
@@ -75,7 +76,7 @@ def compared_figure(results: Sequence[Result]) -> Figure:
     for number, window in enumerate(windows):
         _draw_map(figure.add_subplot(grid[0, number]), results, tightest, features, window)
     _draw_envelopes(figure.add_subplot(grid[1, :]), results, tightest)
-    fits = None if verdict_of(tightest).fits is None else all(verdict_of(result).fits for result in results)
+    fits = None if verdict_of(tightest).fits is None else all(verdict_of(result).holds for result in results)
     road = tightest.drive.road
     write_head(figure, f"{road.name}: {answer_of(results)}", answer_colour(fits=fits), size="large", notice=road.notice)
     return figure

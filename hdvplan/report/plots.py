@@ -39,7 +39,7 @@ def plan_figure(result: Result) -> Figure:
         _draw_long_profiles(profiles, result, windows)
     else:
         _draw_profiles(profiles, result, windows)
-    title, colour = verdict_title(result, verdict), answer_colour(fits=verdict.fits)
+    title, colour = verdict_title(result, verdict), answer_colour(fits=verdict.holds)
     write_head(figure, title, colour, size="x-large", notice=drive.road.notice)
     figure.text(0.99, 0.008, result.origin, ha="right", va="bottom", fontsize="x-small", color=MUTED)
     return figure

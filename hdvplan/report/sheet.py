@@ -75,7 +75,8 @@ def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None 
     """
     pages, drive = pages_of(result, map_mm(options), options.scale), result.drive
     told = answer or _planned(result)
-    driver = (("driver", tracking_line(result)),) if told.fits else ()
+    strays = tracking_line(result) if answer is None or told.fits else ""
+    driver = (("driver", strays),) if strays else ()
     around = drive.vehicle.reach_ahead + drive.vehicle.reach_behind
 
     def sheet(page: Page) -> Sheet:
@@ -99,7 +100,7 @@ def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None 
 
 def _planned(result: Result) -> Answer:
     verdict = verdict_of(result)
-    return Answer(verdict.fits, verdict_line(result, verdict), verdict_details(result, verdict), drawn_features(result))
+    return Answer(verdict.holds, verdict_line(result, verdict), verdict_details(result, verdict), drawn_features(result))
 
 
 def pdf_bytes(sheets: Iterable[Sheet], options: SheetOptions, title: str, subject: str) -> bytes:

@@ -105,7 +105,7 @@ def verdict_json(result: Result, verdict: Verdict) -> Json:
         "text": verdict_line(result, verdict),
         "details": verdict_details(result, verdict),
         "word": verdict.word,
-        "fits": verdict.fits,
+        "fits": verdict.holds,
         "spare_m": verdict.spare,
         "half_width_m": verdict.half_width,
         "s_m": verdict.s,

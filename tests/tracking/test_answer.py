@@ -8,17 +8,21 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from matplotlib.text import Text
 
 import hdvplan
 from hdvplan.cli.console import ExitCode
 from hdvplan.cli.outcome import exit_code_of, tell
 from hdvplan.judging.result import Result
 from hdvplan.judging.tracking import tracking_of
-from hdvplan.judging.verdict import tracking_line, verdict_of
+from hdvplan.judging.verdict import tracking_line, verdict_of, verdict_title
 from hdvplan.need.answer import need_of
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.report.colours import answer_colour
+from hdvplan.report.compared import answer_rows
 from hdvplan.report.needs import need_json, need_lines
-from hdvplan.report.summary import tracking_json
+from hdvplan.report.plots import plan_figure
+from hdvplan.report.summary import tracking_json, verdict_json
 from hdvplan.report.tube import tubes_of
 from hdvplan.road.road import Road
 
@@ -98,6 +102,25 @@ def test_lines_and_the_exit_code_say_whether_the_driver_may_stray_as_far_as_aske
     strays = f"NO: holds for a driver who strays by {first.error:.3f} m, not for the "
     assert first_line.startswith(strays if more else "YES: 0.20 m to spare at s = ")
     assert second_line.startswith("0.20 m to spare at s = ") == more
+    assert tracking_line(result) in second_line
+
+
+@pytest.mark.parametrize("more", [False, True])
+def test_files_and_pictures_say_so_too(straight: Result, more: bool) -> None:
+    road = straight.drive.road.with_limits(1.47, 1.47)
+    error = planned(road).tracking.error  # type: ignore[union-attr]
+    result = planned(road, error + (0.01 if more else -0.01))
+    word = "NO" if more else "YES"
+    verdict = verdict_json(result, verdict_of(result))
+    assert (verdict["word"], verdict["fits"]) == (word, not more)
+    assert str(verdict["text"]).startswith(f"{word}: ")
+    assert verdict["spare_m"] == pytest.approx(0.2, abs=1e-6)
+    row = answer_rows([result]).iloc[0]
+    assert row["answer"] == word
+    assert row["decides"].startswith("holds for a driver who strays by") == more
+    assert f": {word}, " in verdict_title(result, verdict_of(result))
+    answer = answer_colour(fits=not more)
+    assert any(text.get_color() == answer for text in plan_figure(result).findobj(Text))
 
 
 def test_where_larger_errors_have_no_bound_no_place_decides() -> None:
