@@ -16,7 +16,7 @@ from hdvplan.judging.verdict import amount_text, short_verdict, strays_text, ver
 from hdvplan.report.colours import INK, MUTED, answer_colour, body_colour
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.layers import Drawn, Layer, drawn_features
-from hdvplan.report.maps import around, draw_direction, draw_features, finish_map, frame, outline_of, reach_within, stations
+from hdvplan.report.maps import around, draw_direction, draw_features, draw_overview, finish_map, frame, outline_of, reach_within, stations
 from hdvplan.report.rooms import Window, shown_reach, tightest_windows
 from hdvplan.report.style import SLIDE_IN, styled, write_head
 
@@ -56,7 +56,10 @@ def answer_of(results: Sequence[Result]) -> str:
     words = {result.drive.vehicle.name: verdict_of(result).word for result in results}
     no = [name for name, word in words.items() if word == NO]
     if no:
-        return worded(NO, f"{len(no)} of {len(words)} vehicles do{'es' * (len(no) == 1)} not fit: {', '.join(no)}")
+        strays = all(verdict_of(result).fits is not False for result in results)
+        return worded(
+            NO, f"{len(no)} of {len(words)} vehicles do{'es' * (len(no) == 1)} not {'hold' if strays else 'fit'}: {', '.join(no)}"
+        )
     widest = max(results, key=lambda result: verdict_of(result).half_width)
     if NEEDS in words.values():
         return f"{amount_text(verdict_of(widest))} for the {widest.drive.vehicle.name}, the widest of {len(words)}"
@@ -67,14 +70,15 @@ def answer_of(results: Sequence[Result]) -> str:
 
 @styled()
 def compared_figure(results: Sequence[Result]) -> Figure:
-    """Return the picture: the tightest places of the vehicle with the least room, with all envelopes, and these over the whole road."""
+    """Return the picture: where the vehicle with the least room has least, with all envelopes, and these over the whole road."""
     tightest = min(results, key=_spare)
     windows = tightest_windows(tightest)[:_MAPS]
     figure = Figure(figsize=SLIDE_IN, layout="constrained")
-    grid = figure.add_gridspec(2, len(windows), height_ratios=[_MAP_OVER_PROFILE, 1.0])
+    grid = figure.add_gridspec(2, len(windows) + 1, height_ratios=[_MAP_OVER_PROFILE, 1.0])
     features = [feature for feature in drawn_features(tightest) if feature.layer in _ROAD]
     for number, window in enumerate(windows):
         _draw_map(figure.add_subplot(grid[0, number]), results, tightest, features, window)
+    _draw_road(figure.add_subplot(grid[0, -1]), tightest, windows)
     _draw_envelopes(figure.add_subplot(grid[1, :]), results, tightest)
     fits = None if verdict_of(tightest).fits is None else all(verdict_of(result).holds for result in results)
     road = tightest.drive.road
@@ -101,6 +105,13 @@ def _draw_map(axes: Axes, results: Sequence[Result], tightest: Result, features:
     frame(axes, points, room)
     finish_map(axes, north=tightest.drive.road.to_lonlat is not None)
     axes.set_title(f"{window.title}, {tightest.drive.vehicle.name}", fontsize="medium", loc="left", fontweight="bold")
+
+
+def _draw_road(axes: Axes, tightest: Result, windows: Sequence[Window]) -> None:
+    road = tightest.drive.road
+    draw_overview(axes, tightest, tuple(windows))
+    draw_direction(axes, road.path, 0.0, road.path.length, count=4)
+    finish_map(axes, north=road.to_lonlat is not None)
 
 
 def _draw_envelopes(axes: Axes, results: Sequence[Result], tightest: Result) -> None:
