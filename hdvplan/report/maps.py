@@ -63,8 +63,9 @@ _LOOKS: dict[Layer, tuple[str, dict[str, Any]]] = {  # what the legend says, and
 
 def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
     """Draw the layers of a drawing but vehicles and clearances, as far as they lie in ``view``; the first of a kind is labelled."""
-    labels = set[str]()
-    for feature in sorted(features, key=_order):
+    labels, features = set[str](), sorted(features, key=_order)
+    names = {str(feature.properties.get("name") or "") for feature in features if feature.layer is Layer.OBSTACLES}
+    for feature in features:
         if feature.layer not in _LOOKS:
             continue
         placed = shapely.transform(feature.geometry, turned)
@@ -78,6 +79,8 @@ def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, 
         if feature.layer is Layer.ENVELOPE:
             label = swept_label(str(feature.properties["unit"]), body)
             look |= {"facecolor": body_fill(body), "edgecolor": body_colour(body)}
+        elif feature.layer is Layer.OBSTACLES and len(names) == 1:  # "bus on short", which it meets
+            label = "".join(names) or label
         elif feature.layer is Layer.TRACKS:
             look["color"] = body_dark(body)
         elif feature.layer is Layer.GUIDED_PATH:

@@ -210,7 +210,10 @@ def check_lonlat(points: FloatArray, where: str) -> None:
     msg = f"{where}: point {at + 1} has longitude {lon[at]:g}, latitude {lat[at]:g}, outside +-180 and +-90 degrees"
     if np.all(np.abs(lon) <= _LARGEST_LAT) and np.all(np.abs(lat) <= _LARGEST_LON):
         raise RoadError(msg, hint="longitude and latitude look swapped: longitude comes first")
-    raise RoadError(msg, hint="if the coordinates are metres, name their system, such as --crs EPSG:3006")
+    hint = (
+        "if the coordinates are metres, name their system, such as --crs EPSG:3006; metres of a drawing's own go into a CSV file with x,y"
+    )
+    raise RoadError(msg, hint=hint)
 
 
 def _local(lonlat: FloatArray) -> str:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
@@ -11,6 +12,8 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ig
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import BREACH, INK
+from hdvplan.report.layers import Drawn, Layer
+from hdvplan.report.maps import draw_features
 from hdvplan.report.plots import plan_figure
 from tests.report.conftest import once
 
@@ -92,3 +95,16 @@ def test_limits_far_away_shrink_neither_map_nor_envelope(bus: Result) -> None:
     reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
     assert np.ptp(reach.get_ylim()) < 10.0
     assert "of overhangs" not in reach.get_legend_handles_labels()[1]  # they have no limits of their own
+
+
+@pytest.mark.parametrize(
+    ("names", "label"), [(["bus on short"] * 2, "bus on short"), (["kiosk", "tree"], "obstacle"), ([None], "obstacle")]
+)
+def test_obstacles_of_one_name_have_it_in_the_legend(names: list[str | None], label: str) -> None:
+    axes = Figure().add_subplot()
+    draw_features(
+        axes,
+        [Drawn(Layer.OBSTACLES, shapely.box(x, 0.0, x + 0.5, 1.0), {"name": name}) for x, name in enumerate(names)],
+        shapely.box(0, 0, 9, 9),
+    )
+    assert axes.get_legend_handles_labels()[1] == [label]
