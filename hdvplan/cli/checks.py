@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
-_ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
-
 
 def vehicle_named(source: str, *, quiet: bool) -> Vehicle:
     """Return a preset or the vehicle of a file, and say what is assumed where the file does not tell how far it turns.
@@ -42,7 +40,7 @@ def smoothed(found: Found, name: str, *, quiet: bool) -> Road:
         road = found()
     for remark in road.notes:
         note(remark, quiet=quiet)
-    check_far_regions(road.regions, [road.path], quiet=quiet)
+    warn_far_regions(road.regions, [road.path], quiet=quiet)
     return road
 
 
@@ -112,23 +110,14 @@ def warn_no_side(road: Road, side: str | None, *, quiet: bool) -> None:
         warn(f"--pass {side} has no effect: no obstacle lies on the line, or each has a side of its own", quiet=quiet)
 
 
-def check_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath], *, quiet: bool) -> None:
-    """Refuse regions that are all elsewhere, and say which do not count along a road, or its legs: wrong coordinates would go unnoticed.
-
-    Raises:
-        RoadError: none is within 100 km.
-
-    """
+def warn_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath], *, quiet: bool) -> None:
+    """Say which regions do not count along a road, or its legs: wrong coordinates would go unnoticed."""
     import numpy as np
 
-    from hdvplan.road.crs import ELSEWHERE_HINT
     from hdvplan.road.regions import OPEN_M, distances
 
     apart = np.min([distances(path, regions) for path in paths], axis=0)
     far = apart[apart > OPEN_M]
-    if len(far) and apart.min() > _ELSEWHERE_M:
-        msg = f"the {len(apart)} regions lie {apart.min() / 1e3:.0f} km from the road, or further"
-        raise RoadError(msg, hint=ELSEWHERE_HINT)
     if len(far):
         nearest = f"the nearest of them {far.min():.0f} m"
         warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)

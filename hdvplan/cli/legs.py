@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.answers import NO, without_word
-from hdvplan.cli.checks import check_far_regions
+from hdvplan.cli.checks import warn_far_regions
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def legs_in(line: Line, vehicle: Vehicle, reaches: tuple[float, float] | None, *
         legs = legs_of(line, partial(lead_line, vehicle) if last_axle else None)
     for remark in legs.notes:
         note(remark, quiet=quiet)
-    check_far_regions(legs.regions, [leg.road.path for leg in legs.legs], quiet=quiet)
+    warn_far_regions(legs.regions, [leg.road.path for leg in legs.legs], quiet=quiet)
     if reaches is None:
         return legs
     return replace(legs, legs=tuple(replace(leg, road=leg.road.with_limits(*reaches)) for leg in legs.legs))

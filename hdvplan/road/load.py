@@ -36,12 +36,21 @@ class Found:
         """Return the road in the direction and at the offset at which it is driven.
 
         Raises:
-            RoadError: the file holds the legs of a drive, or its line cannot be smoothed within the options or moved.
+            RoadError: the file holds the legs of a drive, its line cannot be smoothed within the options or moved, or its regions are all
+                elsewhere.
 
         """
         if self.line is not None and self.line.raw.legs:
             msg = f"{self.line.name} holds the legs of a drive forwards and backwards, which only `hdvplan plan` plans"
             raise RoadError(msg, hint="--name chooses one line of a file as a road; in a table, leave the column direction out")
+        road = self._driven()
+        if road.regions:
+            from hdvplan.road.regions import refuse_elsewhere  # noqa: PLC0415 - as below
+
+            refuse_elsewhere(road.regions, road.path)
+        return road
+
+    def _driven(self) -> Road:
         if self.line is not None and self.line.windowed:
             from hdvplan.road.windows import whole_road  # noqa: PLC0415 - as below
 

@@ -20,7 +20,7 @@ from hdvplan.road.legs import SAME_M, SHORTEST_M, Leg, Legs
 from hdvplan.road.line import Line, RawLeg, RawRoad, is_closed, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.passages import Line as Axis
-from hdvplan.road.regions import OPEN_M, Kind, Region
+from hdvplan.road.regions import OPEN_M, Kind, Region, refuse_elsewhere
 
 LeadLine = Callable[[FloatArray, RoadOptions], FloatArray]  # of the line of the last axle (n, 2) [m], as the vehicle heads
 
@@ -38,7 +38,7 @@ def legs_of(line: Line, lead_line: LeadLine | None = None) -> Legs:
 
     Raises:
         RoadError: the file holds no legs, a leg that cannot be smoothed, legs that do not meet, an edge across a leg, or an option that
-            has no meaning for legs.
+            has no meaning for legs, or regions that are all elsewhere.
 
     """
     raw, options = line.raw, line.options
@@ -54,6 +54,7 @@ def legs_of(line: Line, lead_line: LeadLine | None = None) -> Legs:
         legs, notes = joined(legs, SAME_M if lead_line is None else LEAD_GAP_M)
     except RoadError as error:
         raise _of(line.name, error) from error
+    refuse_elsewhere(raw.regions, legs[0].road.path)
     regions = (*raw.regions, *_beyond_edges(raw, legs, line.name))
     return Legs(line.name, tuple(within(leg, regions) for leg in legs), (*raw.notes, *(f"{line.name}: {note}" for note in notes)), regions)
 

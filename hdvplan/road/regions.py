@@ -9,10 +9,13 @@ import numpy as np
 import shapely
 
 from hdvplan.arrays import FloatArray
+from hdvplan.errors import RoadError
+from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.path import ReferencePath
 
 OPEN_M = 20.0  # room to either side of a road that has obstacles but no widths; polygons further away do not count
 OPEN_SPACING_M = 0.5
+_ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
 
 
 class Kind(StrEnum):
@@ -47,6 +50,19 @@ class Region:
 def called(label: str) -> str:
     """Return what a sentence calls the obstacle with this label, "" where it has none."""
     return f"the obstacle {label!r}" if label else "an obstacle"
+
+
+def refuse_elsewhere(regions: tuple[Region, ...], path: ReferencePath) -> None:
+    """Refuse regions none of which lies near a road: wrong coordinates would go unnoticed, and nothing be in the way.
+
+    Raises:
+        RoadError: none is within 100 km.
+
+    """
+    nearest = float(np.min(distances(path, regions), initial=np.inf))
+    if _ELSEWHERE_M < nearest < np.inf:
+        msg = f"the {len(regions)} regions lie {nearest / 1e3:.0f} km from the road, or further"
+        raise RoadError(msg, hint=ELSEWHERE_HINT)
 
 
 def distances(path: ReferencePath, regions: tuple[Region, ...]) -> FloatArray:

@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hdvplan.errors import RoadError
+from hdvplan.road.load import load_road
 from tests.cli.conftest import Cli
 
 QUICK = ("--vehicle", "bus", "--horizon", "40", "--no-plot")
@@ -59,6 +61,9 @@ def test_a_region_too_far_away_to_count_is_said_and_one_that_is_somewhere_else_r
         assert json.loads(far.out)["regions"][0]["distance_m"] == pytest.approx(111.0, abs=1.0)  # a thousandth of a degree
     assert swapped.code == 2
     assert re.match(r"error: the 1 regions lie \d{4} km from the road, or further\nhint: are their coordinates swapped", swapped.err)
+    assert len(load_road(tmp_path / "far.geojson").regions) == 1
+    with pytest.raises(RoadError, match="regions lie"):
+        load_road(tmp_path / "swapped.geojson")
 
 
 @pytest.mark.parametrize("x", [-30.0, 78.0])
