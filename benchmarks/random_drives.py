@@ -60,8 +60,11 @@ def driven(vehicle: Vehicle, place: FloatArray, heading: FloatArray, kappa: Floa
     return np.array(found)
 
 
-def random_drive(vehicle: Vehicle, seed: int) -> FloatArray:
-    """Return the poses of a drive that begins straight and then steers at random, within 0.8 of the largest curvature."""
+def random_drive(vehicle: Vehicle, seed: int, *, sudden: bool = False) -> FloatArray:
+    """Return the poses of a drive that begins straight and then steers at random, within 0.8 of the largest curvature.
+
+    With ``sudden`` it does so at once, which no driver can, and what is proved of all drives holds for, too.
+    """
     random = np.random.default_rng(seed)
     most, rate = 0.8 * vehicle.max_curvature, 0.6 * vehicle.max_curvature_rate
     kappa, target, at, now = [], 0.0, 25.0, 0.0
@@ -70,7 +73,7 @@ def random_drive(vehicle: Vehicle, seed: int) -> FloatArray:
         if at <= s < LENGTH_M - 5.0:
             target = random.uniform(-most, most) * random.choice([0.3, 0.6, 1.0])
             at = s + random.uniform(6.0, 20.0)
-        now += float(np.clip(target - now, -rate * STEP_M, rate * STEP_M))
+        now += (target - now) if sudden else float(np.clip(target - now, -rate * STEP_M, rate * STEP_M))
         kappa.append(now)
     return driven(vehicle, np.zeros(2), np.zeros(len(vehicle.units)), np.array(kappa), STEP_M)
 
