@@ -69,10 +69,10 @@ def verdict_of(result: Result) -> Verdict:
     A limit, or the clearance from it, counts as kept if it is broken by at most ``KEPT_M``.
     """
     found, wanted = _found(result), result.case.settings.tracking_error
-    if not found.fits:
-        return replace(found, proof=result.proof) if found.fits is False else found
-    strays = np.inf if wanted == 0.0 or result.tracking is None else result.tracking.error
-    return replace(found, strays=strays) if strays < wanted else found
+    if found.fits is False:
+        return replace(found, proof=result.proof)
+    tracking = result.tracking if found.fits and wanted > 0.0 else None
+    return found if tracking is None or tracking.error >= wanted else replace(found, strays=tracking.error)
 
 
 class _Place(NamedTuple):
