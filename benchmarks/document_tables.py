@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from hdvplan.reproduce import STUDIES
 from hdvplan.reproduce.study import STATUSES
 
 ROOT = Path(__file__).parents[1]
@@ -190,7 +191,7 @@ def _counted(number: int) -> str:
 
 def published() -> list[str]:
     """Return how many numbers are published, and how many of them are of each status."""
-    status = table("paper/summary.csv")["status"].dropna()
+    status = pd.concat([table(f"paper/{study}.csv")["status"] for study in STUDIES]).dropna()
     return [str(len(status)), *(str(int((status == one).sum())) for one in STATUSES)]
 
 

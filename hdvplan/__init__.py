@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from hdvplan.road.legs import Leg, Legs
     from hdvplan.road.limits import Limits
     from hdvplan.road.load import load_road
+    from hdvplan.road.meeting import beside_swept
     from hdvplan.road.options import RoadOptions
     from hdvplan.road.road import Road
     from hdvplan.stepping import Stepper
@@ -73,6 +74,7 @@ _HOMES = {
     "plan_figure": "hdvplan.report.plots",
     "plan_legs": "hdvplan.legs",
     "prove": "hdvplan.api",
+    "beside_swept": "hdvplan.road.meeting",
     "clearest": "hdvplan.finer",
     "replanned": "hdvplan.finer",
     "solver": "hdvplan.api",
@@ -102,6 +104,7 @@ __all__ = [
     "Unit",
     "Vehicle",
     "__version__",
+    "beside_swept",
     "clearest",
     "judge",
     "load_legs",

@@ -21,6 +21,7 @@ from hdvplan.solvers.registry import SolverClass, SolverMaker, dependable, solve
 def plan(case: Case, *, on_progress: Callable[[float], None] | None = None, on_plan: Callable[[Plan], None] | None = None) -> Result:
     """Plan ``case.vehicle`` along the whole of ``case.road`` in receding horizon, and judge the plan by an exact simulation.
 
+    Where this breaks the limits, the command goes on to ``prove`` and ``replanned``, which may find a plan that keeps them.
     For every obstacle that can be passed on either side, both are tried. ``on_progress`` receives the driven share, 0 to 1, ``on_plan``
     every plan before it is executed; an error that it raises ends the drive.
 

@@ -16,6 +16,8 @@ class HdvplanError(Exception):
     def __init__(self, message: str, *, hint: str | None = None) -> None:
         super().__init__(message)
         self.hint = hint
+        if hint is not None:
+            self.add_note(f"hint: {hint}")  # below a traceback
 
     def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...], dict[str, object]]:
         """Pickle with all attributes: the usual way calls the class again with the message alone, and leaves need more than that."""

@@ -83,7 +83,7 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress, *, quiet: bool)
 def _print(studies: list[Study], out: Path) -> None:
     """Print a study's table; of several the headline rows."""
     from hdvplan.report.grid import grid
-    from hdvplan.reproduce.study import counted, shown, summary_of
+    from hdvplan.reproduce.study import counted, every_row, shown, summary_of
 
     several = len(studies) > 1
     table = shown(summary_of(studies) if several else studies[0].table())
@@ -91,5 +91,5 @@ def _print(studies: list[Study], out: Path) -> None:
     table["quantity"] += [f" [{unit}]" if unit else "" for unit in table["unit"]]
     columns = [*(["study"] if several else []), "quantity", "published", "ours", "difference", "status"]
     rows = table[columns].itertuples(index=False, name=None)
-    caption = f"{counted(table)}; written to {out}/; {'NAME' if several else studies[0].name}.md has the remarks"
+    caption = f"{counted(every_row(studies))}; written to {out}/; {'NAME' if several else studies[0].name}.md has the remarks"
     print_tables(grid(title, columns, rows, text=("study", "quantity", "status"), caption=caption))

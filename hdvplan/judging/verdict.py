@@ -10,13 +10,13 @@ import numpy as np
 
 from hdvplan.answers import LINE, needs_text, room_text, word_of, worded
 from hdvplan.arrays import FloatArray
+from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import contact, part_named
 from hdvplan.judging.clearance import Touches
 from hdvplan.judging.result import Proof, Result, body_name
 from hdvplan.road.regions import OPEN_M, called
 from hdvplan.road.road import Road
-from hdvplan.vehicle.model import Vehicle
 
 _NO_MORE_M = 0.005  # to spare: 0.00 m in a sentence
 _CENTI, _TENTHS = 100.0, 10.0  # of a metre and of a degree, to which what a driver may err is rounded down
@@ -214,18 +214,20 @@ def short_verdict(verdict: Verdict) -> str:
     return f"{word}, {_amount(verdict)}"
 
 
-def proof_text(proof: Proof, vehicle: Vehicle) -> str:
-    """Return what a proof says, without a capital or a full stop."""
+def proof_text(proof: Proof, case: Case) -> str:
+    """Return what a proof about a case says, without a capital or a full stop."""
+    clearance = case.settings.clearance
+    kept = "keeps the limits" if clearance == 0.0 else f"stays {clearance:.2f} m off the limits"
     if proof.kind == "place":
-        return f"at s = {proof.s_to:.1f} m there is no place for the {body_name(vehicle, proof.unit)} that keeps the limits"
-    return f"between s = {proof.s_from:.1f} and {proof.s_to:.1f} m nothing that this vehicle can drive keeps the limits"
+        return f"at s = {proof.s_to:.1f} m there is no place for the {body_name(case.vehicle, proof.unit)} that {kept}"
+    return f"between s = {proof.s_from:.1f} and {proof.s_to:.1f} m nothing that this vehicle can drive {kept}"
 
 
 def _known(result: Result, verdict: Verdict) -> str:
     """Return what is known beyond the plan that was made."""
     if verdict.proof is None:
         return "no plan was found, and none is excluded" if result.planned else "another path may fit: `hdvplan plan` looks for one"
-    return f"proved: {proof_text(verdict.proof, result.drive.vehicle)}"
+    return f"proved: {proof_text(verdict.proof, result.case)}"
 
 
 def amount_text(verdict: Verdict) -> str:

@@ -54,7 +54,7 @@ def need_lines(need: Need) -> list[str]:
 
 
 def _bound_text(need: Need, bound: Bound) -> str:
-    words = proof_text(bound.proof, need.case.vehicle)
+    words = proof_text(bound.proof, need.case)
     return f"proved: {words}" if need.room.result is None else f"{bound.room:.2f} m is proved to be too little: {words}"
 
 

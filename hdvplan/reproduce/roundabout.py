@@ -25,7 +25,7 @@ from hdvplan.vehicle.load import load_vehicle
 
 # Where the motion is stationary: 35 m behind the ramp in, and well before the plan prepares for the ramp out.
 CONSTANT_M = (91.0, 170.0)
-_SIMULATED = "an Euler plan of the whole predicts theirs (next but one row); ours is measured on the exact simulation"
+_SIMULATED = "an Euler plan of the whole predicts theirs (its row in roundabout.md); ours is measured on the exact simulation"
 _SAMPLED = "not explained: on the constant part theirs is 2.26 m right and 2.20 m left, where they expect 2.27 m on both sides"
 
 

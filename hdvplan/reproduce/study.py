@@ -75,6 +75,11 @@ class Study:
         return table
 
 
+def every_row(studies: Sequence[Study]) -> pd.DataFrame:
+    """Return the rows of several studies under each other."""
+    return pd.concat([study.table().assign(study=study.name) for study in studies], ignore_index=True)
+
+
 def summary_of(studies: Sequence[Study]) -> pd.DataFrame:
     """Return the headline rows of several studies under each other, named by their study."""
     tables = [study.table()[[row.headline for row in study.rows]].assign(study=study.name) for study in studies]
@@ -135,7 +140,8 @@ def write_summary(studies: Sequence[Study], directory: Path) -> None:
         OSError: a file cannot be written.
 
     """
-    table = summary_of(studies)
+    table, every = summary_of(studies), every_row(studies)
     text = markdown_table(shown(table), text=WORDS)
-    write_atomically(directory / "summary.md", f"# Published and reproduced\n\n{counted(table)}.\n\n{text}\n".encode())
+    told = f"{counted(every)}. Below are {sum(table['status'] != '')} of them that say most; each study's own table has all."
+    write_atomically(directory / "summary.md", f"# Published and reproduced\n\n{told}\n\n{text}\n".encode())
     write_atomically(directory / "summary.csv", csv_bytes(table))

@@ -91,7 +91,7 @@ def _refuse_outside(limits: Limits, offset: float) -> None:
     for beyond, side in ((limits.left <= 0.0, "left"), (limits.right >= 0.0, "right")):
         if np.any(beyond):
             at = float(limits.s[np.argmax(beyond)])
-            msg = f"an offset of {offset:g} m lies beyond the {side} limit at s = {at:.1f} m"
+            msg = f"an offset of {offset:g} m lies beyond the road's own {side} limit at s = {at:.1f} m"
             raise RoadError(msg, s_m=at, hint="choose a smaller --offset; left is positive")
 
 

@@ -36,6 +36,13 @@ def test_a_bus_that_cannot_pass_gets_a_proof_with_its_stretch(cli: Cli, bend: Pa
     assert (without["proved"], without["proof"], without["spare_m"]) == (False, None, verdict["spare_m"])  # it changes nothing of the plan
 
 
+def test_a_proof_says_which_clearance_it_is_about(cli: Cli, bend: Path) -> None:
+    assert bend.is_dir()
+    verdict = json.loads(cli("plan", *BEND, "--half-width", ENOUGH_M, "--clearance", "0.6", "--json").out)["verdict"]
+    assert verdict["proved"]
+    assert verdict["details"].endswith(" m nothing that this vehicle can drive stays 0.60 m off the limits")
+
+
 def test_a_bad_plan_where_a_better_one_fits_is_not_called_proved(cli: Cli, bend: Path) -> None:
     assert bend.is_dir()
     options = (*BEND, "--half-width", ENOUGH_M, "--json")

@@ -1,5 +1,6 @@
 import copy
 import pickle
+import traceback
 
 import pytest
 
@@ -32,6 +33,11 @@ def test_an_error_passes_between_processes_with_all_that_it_says(error: HdvplanE
     for passed in (pickle.loads(pickle.dumps(error)), copy.copy(error)):  # noqa: S301 - our own bytes
         assert type(passed) is type(error)
         assert (str(passed), vars(passed)) == (str(error), vars(error))
+
+
+def test_a_traceback_ends_with_the_hint() -> None:
+    assert traceback.format_exception_only(errors.RoadError("too narrow", hint="--half-width 3"))[1:] == ["hint: --half-width 3\n"]
+    assert len(traceback.format_exception_only(errors.RoadError("too narrow"))) == 1
 
 
 def test_no_kind_of_error_is_left_out_of_that() -> None:

@@ -68,6 +68,8 @@ def test_a_study_is_written_as_table_figure_and_data(tmp_path: Path) -> None:
     assert pd.read_csv(tmp_path / "new" / "one.csv")["ours"].tolist() == [2.005, 2.5, 3.0, 2.5, 2.5]
     assert (tmp_path / "new" / "one.png").read_bytes().startswith(b"\x89PNG")
     assert "another road" in (tmp_path / "new" / "one.md").read_text(encoding="utf-8")
+    told = (tmp_path / "new" / "summary.md").read_text(encoding="utf-8")
+    assert "1 reproduced, 1 explained, 2 open of 4 published numbers. Below are 2 of them" in told  # all rows count, not the headlines
 
 
 def pipes(study: Study) -> set[int]:
