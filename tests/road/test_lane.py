@@ -66,7 +66,7 @@ def test_an_offset_beyond_the_centre_of_curvature_is_refused_with_its_place() ->
 
 
 def test_an_offset_beyond_a_limit_is_refused_with_its_place() -> None:
-    with pytest.raises(RoadError, match=r"offset of 3.2 m lies beyond the left limit at s = 0\.0 m"):
+    with pytest.raises(RoadError, match=r"offset of 3.2 m lies beyond the road's own left limit at s = 0\.0 m"):
         offset_road(limited(), 3.2)
 
 
