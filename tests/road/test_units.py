@@ -195,7 +195,7 @@ def test_a_unit_is_refused_where_it_says_nothing(
     monkeypatch.chdir(tmp_path)
     if content is not None:
         Path(name).write_text(content, encoding="utf-8")
-    with pytest.raises(RoadError, match=said + " for --unit$") as caught:
+    with pytest.raises(RoadError, match=said + " for --unit\n") as caught:
         load_road(name, RoadOptions(unit="ft", crs=crs))
     assert caught.value.hint == "leave --unit out"
 
