@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 import shapely
 from cases import words
-from random_drives import bodies, edges_around, random_drive, road_around
+from random_drives import edges_around, random_drive, road_around, swept_by
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
@@ -99,14 +99,13 @@ def _fitting(seed: int, vehicle: Vehicle) -> Case | None:
 
 def _obstacles(rng: np.random.Generator, vehicle: Vehicle, poses: FloatArray) -> Iterator[Region]:
     """Yield boxes beside the line, without what the drive swept of them."""
-    steps = [shapely.geometrycollections(np.stack([of[:-1], of[1:]], axis=1)) for of in bodies(vehicle, poses[::4])]
-    free = shapely.buffer(shapely.union_all(shapely.convex_hull(np.array(steps))), -_CORNER * KEPT_M)
+    swept = shapely.buffer(swept_by(vehicle, poses), -_CORNER * KEPT_M)
     for _ in range(int(rng.integers(2, 12))):
         (x, y, heading), aside = poses[rng.integers(len(poses)), 0], rng.uniform(-4.0, 4.0)
         length, width = rng.uniform(0.5, 12.0), rng.uniform(0.5, 4.0)
         box = shapely.affinity.rotate(shapely.box(-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width), rng.uniform(0.0, 180.0))
         placed = shapely.affinity.translate(box, x - aside * np.sin(heading), y + aside * np.cos(heading))
-        for part in shapely.get_parts(shapely.difference(placed, free)):
+        for part in shapely.get_parts(shapely.difference(placed, swept)):
             if isinstance(part, shapely.Polygon) and part.area > 0.01:  # noqa: PLR2004 - slivers are no obstacles [m2]
                 yield Region(Kind.OBSTACLE, part)
 

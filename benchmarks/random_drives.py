@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result
@@ -97,10 +98,15 @@ def corner_of(pose: FloatArray, ahead: float, left: float) -> FloatArray:
     return np.array([x + ahead * np.cos(heading) - left * np.sin(heading), y + ahead * np.sin(heading) + left * np.cos(heading)])
 
 
+def swept_by(vehicle: Vehicle, poses: FloatArray) -> BaseGeometry:
+    """Return what all bodies sweep."""
+    steps = [shapely.geometrycollections(np.stack([of[:-1], of[1:]], axis=1)) for of in bodies(vehicle, poses[::_EDGES])]
+    return shapely.union_all(shapely.convex_hull(np.array(steps)))
+
+
 def edges_around(vehicle: Vehicle, poses: FloatArray, margin: float) -> tuple[FloatArray, FloatArray] | None:
     """Return left and right edges ``margin`` outside what is swept [m]; None where the drive meets itself."""
-    steps = [shapely.geometrycollections(np.stack([of[:-1], of[1:]], axis=1)) for of in bodies(vehicle, poses[::_EDGES])]
-    area, *apart = shapely.get_parts(shapely.union_all(shapely.convex_hull(np.array(steps))).buffer(margin))
+    area, *apart = shapely.get_parts(swept_by(vehicle, poses).buffer(margin))
     if apart or len(area.interiors) > 0:
         return None
     ring = np.asarray(shapely.normalize(area).exterior.simplify(2e-3).coords)[:-1]

@@ -136,7 +136,7 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     from hdvplan.judging.verdict import strays_text
 
     if verdict.strays is not None:
-        report_error(f"the plan {strays_text(result, verdict)}", "--clearance M plans with more room to err")
+        report_error(f"the plan {strays_text(verdict)}", "--clearance M plans with more room to err")
         return ExitCode.BROKEN
     if verdict.fits is not False:
         return ExitCode.OK

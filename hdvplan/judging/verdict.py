@@ -9,14 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.answers import LINE, needs_text, room_text, word_of, worded
-from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import contact, part_named
 from hdvplan.judging.clearance import Touches
 from hdvplan.judging.result import Proof, Result, body_name
 from hdvplan.road.regions import OPEN_M, called
-from hdvplan.road.road import Road
 
 _NO_MORE_M = 0.005  # to spare: 0.00 m in a sentence
 _CENTI, _TENTHS = 100.0, 10.0  # of a metre and of a degree, to which what a driver may err is rounded down
@@ -45,7 +43,7 @@ class Verdict:
     obstacle: str | None  #: the name of the obstacle that decides, "" for one without a name; None where a limit of the road does
     wheels_spare: float | None  #: least room of wheels and what lies between them on the whole road, without the clearance [m]
     proof: Proof | None = None  #: that no drive fits; None where ``fits``, and where no proof was found
-    strays: float | None = None  #: by how much the driver of a plan that ``fits`` may stray, where more was asked for; else None [m]
+    strays: tuple[float, float] | None = None  #: how far a driver may stray where it ``fits``, and the more that was asked for [m]
 
     @property
     def proved(self) -> bool:
@@ -72,7 +70,7 @@ def verdict_of(result: Result) -> Verdict:
     if found.fits is False:
         return replace(found, proof=result.proof)
     tracking = result.tracking if found.fits and wanted > 0.0 else None
-    return found if tracking is None or tracking.error >= wanted else replace(found, strays=tracking.error)
+    return found if tracking is None or tracking.error >= wanted else replace(found, strays=(tracking.error, wanted))
 
 
 class _Place(NamedTuple):
@@ -102,7 +100,7 @@ def _found(result: Result) -> Verdict:
     (room, s, x, y), decides = near[:4], near[4:]
     spare, half = room - wanted, result.balance.half_width
     wheels = result.wheel_room if near.obstacle is None and room < -KEPT_M else None
-    return Verdict(spare >= -KEPT_M, spare, wanted, half, s, x, y, lonlat_of(result.drive.road, x, y), *decides, wheels)
+    return Verdict(spare >= -KEPT_M, spare, wanted, half, s, x, y, result.drive.road.lonlat(x, y), *decides, wheels)
 
 
 def _beside(result: Result, of_kerbs: Touches) -> Iterator[_Place]:
@@ -157,18 +155,18 @@ def _who(result: Result, verdict: Verdict) -> list[str]:
 def _answer(result: Result, verdict: Verdict, who: str, of: str) -> str:
     if verdict.fits is None:
         return f"{amount_text(verdict)} for the {result.drive.vehicle.name}: {who} at s = {verdict.s:.1f} m{of}"
-    return worded(verdict.word, strays_text(result, verdict) or _room(verdict, who, of))
+    return worded(verdict.word, strays_text(verdict) or _room(verdict, who, of))
 
 
 def _room(verdict: Verdict, who: str, of: str) -> str:
     return f"{_amount(verdict)} at s = {verdict.s:.1f} m{of}, {who}"
 
 
-def strays_text(result: Result, verdict: Verdict) -> str:
+def strays_text(verdict: Verdict) -> str:
     """Return what a plan that fits lacks for a driver who strays by as much as was asked for; "" if nothing."""
     if verdict.strays is None:
         return ""
-    return f"holds for a driver who strays by {verdict.strays:.3f} m, not for the {result.case.settings.tracking_error:g} m asked for"
+    return "holds for a driver who strays by {:.3f} m, not for the {:g} m asked for".format(*verdict.strays)
 
 
 def _amount(verdict: Verdict) -> str:
@@ -200,18 +198,16 @@ def tracking_line(result: Result) -> str:
 
 def verdict_title(result: Result, verdict: Verdict) -> str:
     """Return the verdict as a short title: vehicle, word, amount and place."""
-    strays = strays_text(result, verdict)
-    answer = f"{verdict.word}, {strays}" if strays else short_verdict(verdict)
-    place = "" if verdict.fits is None or strays else f" at s = {verdict.s:.0f} m"
-    return f"{result.drive.vehicle.name} on {result.drive.road.name}: {answer}{place}"
+    place = "" if verdict.fits is None or verdict.strays is not None else f" at s = {verdict.s:.0f} m"
+    return f"{result.drive.vehicle.name} on {result.drive.road.name}: {short_verdict(verdict)}{place}"
 
 
 def short_verdict(verdict: Verdict) -> str:
-    """Return word and amount of a verdict."""
+    """Return word and amount of a verdict, or what it does not hold for."""
     if verdict.fits is None:
         return amount_text(verdict)
     word = f"{verdict.word} (proved)" if verdict.proved else verdict.word
-    return f"{word}, {_amount(verdict)}"
+    return f"{word}, {strays_text(verdict) or _amount(verdict)}"
 
 
 def proof_text(proof: Proof, case: Case) -> str:
@@ -238,7 +234,7 @@ def amount_text(verdict: Verdict) -> str:
 def _needs(result: Result) -> Verdict:
     given, wanted = result.balance.beside_given, result.case.settings.clearance
     near = _furthest(result) if given is None else min(_beside(result, given[1]), key=lambda place: place.room)
-    half, lonlat = result.balance.half_width + wanted, lonlat_of(result.drive.road, near.x, near.y)
+    half, lonlat = result.balance.half_width + wanted, result.drive.road.lonlat(near.x, near.y)
     return Verdict(None, None, wanted, half, near.s, near.x, near.y, lonlat, near.side, near.unit, near.part, None, None, None)
 
 
@@ -250,20 +246,8 @@ def _furthest(result: Result) -> _Place:
     reach = left if side == "left" else right
     unit, at = (int(number) for number in np.unravel_index(np.nanargmax(reach), reach.shape))
     most, s = float(reach[unit, at]), float(envelope.s[at])
-    x, y = (float(of[0]) for of in result.drive.stations.path.to_plane(_one(s), _one(most if side == "left" else -most)))
+    x, y = (float(of[0]) for of in result.drive.stations.path.to_plane(np.array([s]), np.array([most if side == "left" else -most])))
     return _Place(-most, s, x, y, side, unit, contact(result.drive, unit, side, s), None, None)
-
-
-def lonlat_of(road: Road, x: float, y: float) -> tuple[float, float] | None:
-    """Return longitude and latitude [deg] of a point in the plane, or None where the road has no geographic coordinates."""
-    if road.to_lonlat is None:
-        return None
-    lon, lat = road.to_lonlat(_one(x), _one(y))
-    return (float(lon[0]) + 180.0) % 360.0 - 180.0, float(lat[0])  # roads go on across the antimeridian
-
-
-def _one(value: float) -> FloatArray:
-    return np.array([value])
 
 
 def place_text(x: float, y: float, lonlat: tuple[float, float] | None) -> str:

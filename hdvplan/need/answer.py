@@ -12,7 +12,6 @@ from hdvplan.case import Case
 from hdvplan.judging.bodies import part_named
 from hdvplan.judging.clearance import SIDES
 from hdvplan.judging.result import Proof, Result
-from hdvplan.judging.verdict import lonlat_of
 from hdvplan.need.search import OTHER, TOLERANCE_M, WIDE_M, Least, beside_held, even, kerbs_on, least_edge, least_half_width
 from hdvplan.need.widening import Widenings, least_widenings, own_plans
 from hdvplan.progress import part_of
@@ -134,7 +133,7 @@ def _place(result: Result | None, sides: tuple[str, ...]) -> Place | None:
     touches = nearest[where, region]
     unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
     s, x, y, ahead = (float(touches[unit, at][name]) for name in ("s", "x", "y", "ahead"))
-    return Place(s, x, y, lonlat_of(result.drive.road, x, y), where, unit, part_named(result.drive.vehicle.units[unit], ahead))
+    return Place(s, x, y, result.drive.road.lonlat(x, y), where, unit, part_named(result.drive.vehicle.units[unit], ahead))
 
 
 def proved_below(

@@ -37,7 +37,7 @@ def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
     for result in results:
         verdict = verdict_of(result)
         part = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}, {verdict.side}"
-        decides = strays_text(result, verdict) or part
+        decides = strays_text(verdict) or part
         spare, half = (np.nan, verdict.half_width) if verdict.spare is None else (verdict.spare, np.nan)
         rows.append((result.drive.vehicle.name, verdict.word, verdict.proved, spare, verdict.clearance_wanted, half, verdict.s, decides))
     return pd.DataFrame(rows, columns=["vehicle", "answer", "proved", "spare_m", "clearance_m", "half_width_m", "s_m", "decides"])
@@ -53,13 +53,12 @@ def answer_texts(table: pd.DataFrame) -> pd.DataFrame:
 
 def answer_of(results: Sequence[Result]) -> str:
     """Return one line for all vehicles; it begins with the word of the worst."""
-    words = {result.drive.vehicle.name: verdict_of(result).word for result in results}
+    verdicts = {result.drive.vehicle.name: verdict_of(result) for result in results}
+    words = {name: verdict.word for name, verdict in verdicts.items()}
     no = [name for name, word in words.items() if word == NO]
     if no:
-        strays = all(verdict_of(result).fits is not False for result in results)
-        return worded(
-            NO, f"{len(no)} of {len(words)} vehicles do{'es' * (len(no) == 1)} not {'hold' if strays else 'fit'}: {', '.join(no)}"
-        )
+        lacks = "fit" if any(verdict.fits is False for verdict in verdicts.values()) else "hold"
+        return worded(NO, f"{len(no)} of {len(words)} vehicles do{'es' * (len(no) == 1)} not {lacks}: {', '.join(no)}")
     widest = max(results, key=lambda result: verdict_of(result).half_width)
     if NEEDS in words.values():
         return f"{amount_text(verdict_of(widest))} for the {widest.drive.vehicle.name}, the widest of {len(words)}"

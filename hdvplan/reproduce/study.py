@@ -76,15 +76,14 @@ class Study:
 
 
 def every_row(studies: Sequence[Study]) -> pd.DataFrame:
-    """Return the rows of several studies under each other."""
-    return pd.concat([study.table().assign(study=study.name) for study in studies], ignore_index=True)
+    """Return the rows of several studies under each other, named by their study."""
+    table = pd.concat([study.table().assign(study=study.name) for study in studies], ignore_index=True)
+    return table[["study", *(column for column in table.columns if column != "study")]]
 
 
 def summary_of(studies: Sequence[Study]) -> pd.DataFrame:
-    """Return the headline rows of several studies under each other, named by their study."""
-    tables = [study.table()[[row.headline for row in study.rows]].assign(study=study.name) for study in studies]
-    table = pd.concat(tables, ignore_index=True)
-    return table[["study", *(column for column in table.columns if column != "study")]]
+    """Return the headline rows of ``every_row``."""
+    return every_row(studies)[[row.headline for study in studies for row in study.rows]].reset_index(drop=True)
 
 
 def counted(table: pd.DataFrame) -> str:

@@ -152,6 +152,13 @@ class Road:
         road.__dict__["passages"] = self.passages  # where ``cached_property`` looks: path and regions are the same
         return road
 
+    def lonlat(self, x: float, y: float) -> tuple[float, float] | None:
+        """Return longitude and latitude [deg] of a point in the plane, or None where the road has no geographic coordinates."""
+        if self.to_lonlat is None:
+            return None
+        lon, lat = self.to_lonlat(np.array([x]), np.array([y]))
+        return (float(lon[0]) + 180.0) % 360.0 - 180.0, float(lat[0])  # roads go on across the antimeridian
+
     def __getstate__(self) -> dict[str, object]:
         """Return the fields alone: the rest follows from them."""
         return {field.name: getattr(self, field.name) for field in fields(self)}

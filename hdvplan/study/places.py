@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.verdict import lonlat_of
 from hdvplan.need.answer import Need
 from hdvplan.report.needs import patch_json
 from hdvplan.road.road import Road
@@ -59,7 +58,7 @@ def _stretch(kind: str, road: Road, at: tuple[float, float], stretch: Mapping[st
 
 def _place(kind: str, road: Road, s: object, at: tuple[float, float]) -> Row:
     """Return a point's columns; its geometry is WKB in longitude and latitude."""
-    lonlat = lonlat_of(road, *at)
+    lonlat = road.lonlat(*at)
     lon, lat = lonlat or (None, None)
     return {"kind": kind, "s_m": s, "x": at[0], "y": at[1], "lon": lon, "lat": lat, "geometry": _point(lonlat)}
 

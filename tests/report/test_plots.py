@@ -12,6 +12,7 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ig
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import BREACH, INK
+from hdvplan.report.compared import compared_figure
 from hdvplan.report.layers import Drawn, Layer
 from hdvplan.report.maps import draw_features
 from hdvplan.report.plots import plan_figure
@@ -108,3 +109,10 @@ def test_obstacles_of_one_name_have_it_in_the_legend(names: list[str | None], la
         shapely.box(0, 0, 9, 9),
     )
     assert axes.get_legend_handles_labels()[1] == [label]
+
+
+def test_several_vehicles_are_shown_where_it_is_tight_and_on_the_whole_road(bus: Result, trailer: Result) -> None:
+    figure = compared_figure([bus, trailer])
+    assert "overview" in [axes.get_title(loc="left") for axes in figure.axes]
+    (reaches,) = [axes for axes in figure.axes if axes.get_ylabel().startswith("reach")]
+    assert {bus.drive.vehicle.name, trailer.drive.vehicle.name} <= set(reaches.get_legend_handles_labels()[1])
