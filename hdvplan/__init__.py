@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from hdvplan.judging.result import Result
     from hdvplan.judging.verdict import verdict_of
     from hdvplan.legs import load_legs, plan_legs
+    from hdvplan.loop.closed import closed_loop
+    from hdvplan.loop.settings import LoopSettings
     from hdvplan.need.answer import need_of
     from hdvplan.planning.bias import Bias
     from hdvplan.planning.settings import PlannerSettings
@@ -57,6 +59,7 @@ _HOMES = {
     "Legs": "hdvplan.road.legs",
     "LegsResult": "hdvplan.judging.legs",
     "Limits": "hdvplan.road.limits",
+    "LoopSettings": "hdvplan.loop.settings",
     "PlannerSettings": "hdvplan.planning.settings",
     "QpWorkspace": "hdvplan.qp.workspace",
     "Result": "hdvplan.judging.result",
@@ -76,6 +79,7 @@ _HOMES = {
     "prove": "hdvplan.api",
     "beside_swept": "hdvplan.road.meeting",
     "clearest": "hdvplan.finer",
+    "closed_loop": "hdvplan.loop.closed",
     "replanned": "hdvplan.finer",
     "solver": "hdvplan.api",
     "study": "hdvplan.study",
@@ -95,6 +99,7 @@ __all__ = [
     "Legs",
     "LegsResult",
     "Limits",
+    "LoopSettings",
     "PlannerSettings",
     "QpWorkspace",
     "Result",
@@ -106,6 +111,7 @@ __all__ = [
     "__version__",
     "beside_swept",
     "clearest",
+    "closed_loop",
     "judge",
     "load_legs",
     "load_road",

@@ -1,6 +1,7 @@
-"""What users bring: a solver or an objective as ``package.module:name``, ``file.py:name``, a package's offer, or a Python object.
+"""What users bring: a solver, an objective or a follower: ``package.module:name``, ``file.py:name``, a package's offer, a Python object.
 
-An offer is an entry point of an installed package in the groups ``hdvplan.solvers`` and ``hdvplan.objectives``.
+An offer is an entry point of an installed package in the group ``hdvplan.solvers``, ``hdvplan.objectives`` or
+``hdvplan.followers``.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ class Kind:
 
 SOLVER = Kind("solver", "hdvplan.solvers", SolverError)
 OBJECTIVE = Kind("objective", "hdvplan.objectives", OptionError)
+FOLLOWER = Kind("follower", "hdvplan.followers", OptionError)
 
 
 def is_reference(name: str) -> bool:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 VEHICLE = "Vehicle and room"
 ROAD = "Road file"
 PLANNING = "Planning"
+LOOP = "Closed loop"
 SITE = "Turning heads and docks"
 OUTPUT = "Output"
 

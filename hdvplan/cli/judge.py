@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
-from hdvplan.cli.console import note, progress
-from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
+from hdvplan.cli.console import ExitCode, note, progress, report_error, writing
+from hdvplan.cli.help import LOOP, OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
 from hdvplan.cli.outcome import exit_code_of, looked_again, tell, write
 from hdvplan.cli.settings import OptionsOf, with_settings
-from hdvplan.errors import RoadError
+from hdvplan.errors import OptionError, RoadError
+from hdvplan.loop.settings import LoopSettings
 from hdvplan.planning.settings import PlannerSettings, PlanOptions
 from hdvplan.road.options import RoadOptions
+
+if TYPE_CHECKING:
+    from hdvplan.judging.result import Result
+    from hdvplan.loop.track import Follower
 
 _JUDGED = ("clearance", "tracking_error", "tracking_length")
 
@@ -30,6 +35,16 @@ def judge(
     reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
     settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, VEHICLE, only=_JUDGED)],
     options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, only=("proof",))],
+    loop: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Follow the path in a closed loop, too, and judge what is driven: driver, pure-pursuit, stanley, or your own: "
+            "package.module:name, file.py:name.",
+            rich_help_panel=LOOP,
+        ),
+    ] = None,
+    looping: Annotated[dict[str, Any], OptionsOf(LoopSettings, LOOP, given=True)],
     output: Annotated[Output, OptionsOf(Output, OUTPUT)],
 ) -> int:
     """Judge a path of your own, of whatever planner, in the street of a road.
@@ -37,10 +52,17 @@ def judge(
     The middle of the lead unit's rear axle follows PATH.csv exactly; its trailers are simulated. x and y are in the plane of the road's
     path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. Prints and writes what `hdvplan plan` does.
 
-    Exit code 0: the path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or may with the --tracking-error, or the
-    vehicle cannot steer it. 2: bad input.
+    With --loop a simulated driver or controller follows PATH.csv, with delay, noise and gain errors; loop.csv has a row for each run,
+    loop_worst.csv is the path of the run with the least room.
+
+    Exit code 0: the path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or may with the --tracking-error or in the
+    --loop, or the vehicle cannot steer it. 2: bad input.
     """
     reaches, quiet = room.reaches(), output.quiet
+    if looping and loop is None:
+        msg = f"--{next(iter(looping)).replace('_', '-')} is of a closed loop, and none was asked for"
+        raise OptionError(msg, hint="add --loop driver")
+    driving = LoopSettings(**looping)
     drawn_on = output.drawn_on()
     check_folder(output.out)
     from hdvplan.road.load import find_road
@@ -54,8 +76,10 @@ def judge(
     from hdvplan.case import Case
     from hdvplan.driving.followed import read_given_path
     from hdvplan.judging.result import result_of
+    from hdvplan.loop.track import follower_named
     from hdvplan.report.files import DRAWINGS, PICTURES
 
+    follower = None if loop is None else follower_named(loop)
     kinds = output.kinds(PICTURES, DRAWINGS)
     try:
         given = read_given_path(path, driven)
@@ -78,4 +102,22 @@ def judge(
     directory = output.out or Path(f"{file_name(path.stem)}.{file_name(track.name)}.{file_name(driven.name)}")
     write(result, directory, kinds, drawn_on, animate=output.animate, quiet=quiet)
     verdict = tell(result, directory, as_json=output.json, quiet=quiet)
-    return exit_code_of(result, verdict)
+    code = exit_code_of(result, verdict)
+    return code if follower is None else max(code, _looped(result, follower, driving, directory, quiet=quiet))
+
+
+def _looped(result: Result, follower: Follower, settings: LoopSettings, directory: Path, *, quiet: bool) -> ExitCode:
+    """Follow a judged path in a closed loop, write and tell what was driven, and return the exit code."""
+    from hdvplan.fileio import csv_bytes, write_atomically
+    from hdvplan.loop.closed import closed_loop, loop_text
+
+    with progress("driving in a closed loop", quiet=quiet):
+        found = closed_loop(result, follower, settings)
+    with writing(f"to {directory}"):
+        write_atomically(directory / "loop.csv", csv_bytes(found.frame))
+        write_atomically(directory / "loop_worst.csv", csv_bytes(found.driven.frame(found.worst)))
+    if found.fits is False:
+        report_error(loop_text(found), f"loop.csv has all runs; `hdvplan judge {directory}/loop_worst.csv ...` draws the worst one")
+        return ExitCode.BROKEN
+    note(loop_text(found), quiet=quiet)
+    return ExitCode.OK

@@ -1,0 +1,168 @@
+"""The closed loop: runs of one follower with delay, noise and gain errors, each judged as a path of one's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from hdvplan import api
+from hdvplan.arrays import FloatArray
+from hdvplan.driving.followed import GivenPath
+from hdvplan.errors import HdvplanError, RoadError
+from hdvplan.judging.result import Result
+from hdvplan.judging.verdict import Verdict, verdict_of
+from hdvplan.loop.settings import ERRORS, KM_H, LoopSettings
+from hdvplan.loop.track import Follower, Seen, Track, follower_named
+
+STEP_S = 0.05  # of the simulation
+NOISES = {"offset": (0.05, 2.0), "heading": (np.radians(0.3), 1.0), "wheels": (np.radians(0.3), 0.5)}  # deviation [m], [rad]; time [s]
+_LOST_M, _LOST = 10.0, 0.5 * np.pi  # beside its track, or turned from it [rad], a run has lost it and ends
+_NEWTON = 3  # steps towards the place beside the front axle
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What followers did, at every step: (steps, runs). NaN from a run's end on."""
+
+    way: FloatArray  #: of the front axle along its track [m]
+    offset: FloatArray  #: to its left [m]
+    rear: FloatArray  #: the rear axle's middle (steps, runs, 2) [m]
+    heading: FloatArray  #: [rad]
+    lost: tuple[bool, ...]  #: the runs that left the track
+
+    def error(self, run: int) -> float:
+        """Return the largest offset of a run [m]."""
+        return float(np.nanmax(np.abs(self.offset[:, run])))
+
+    def length(self, run: int) -> float:
+        """Return its tracking length: its largest offset over the largest change of it [m]; infinite where the offset never changes."""
+        slope = float(np.nanmax(np.abs(np.diff(self.offset[:, run]) / np.diff(self.way[:, run]))))
+        return self.error(run) / slope if slope > 0.0 else np.inf
+
+    def path(self, run: int) -> GivenPath:
+        """Return what a run drove."""
+        own = np.isfinite(self.offset[:, run])
+        return GivenPath(self.rear[own, run], self.heading[own, run])
+
+    def frame(self, run: int) -> pd.DataFrame:
+        """Return the path of a run as a table that is a path of one's own: x, y [m], heading [rad]."""
+        path = self.path(run)
+        return pd.DataFrame({"x": path.points[:, 0], "y": path.points[:, 1], "heading": path.heading})
+
+
+def followed_by(track: Track, follower: Follower, settings: LoopSettings) -> Driven:
+    """Drive a track from where it begins, as often with each gain as is asked for."""
+    gains = 1.0 + settings.gain_error * np.repeat(ERRORS, settings.runs)
+    runs, delay, rng = len(gains), round(settings.delay / STEP_S), np.random.default_rng(settings.seed)
+    front, heading = np.tile(track.front(0.0), (runs, 1)), np.full(runs, track.course[0] - track.wheels[0])
+    way, offset, noise, rows = np.zeros(runs), np.zeros(runs), {name: np.zeros(runs) for name in NOISES}, []
+    wanted, lost = [np.full(runs, track.wheels[0])] * delay, np.zeros(runs, dtype=bool)
+    while np.any(driven := (way < track.length) & ~lost):
+        for name, (deviation, time) in NOISES.items():
+            kept = np.exp(-STEP_S / time)
+            noise[name] = kept * noise[name] + np.sqrt(1.0 - kept**2) * settings.noise * deviation * rng.standard_normal(runs)
+        speed = track.at(track.speed, way)
+        askew = heading - (track.at(track.course, way) - track.at(track.wheels, way))
+        rear = front - track.wheelbase * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        rows.append(np.where(driven, [way, offset, *rear.T, heading], np.nan))
+        seen = Seen(way, offset + noise["offset"], askew + noise["heading"], speed, settings.delay)
+        wanted.append(follower(track, seen))
+        wheels = np.clip(gains * wanted.pop(0) + noise["wheels"], -track.most, track.most)
+        turned = STEP_S * speed * np.sin(wheels) / track.wheelbase
+        course = heading + wheels + 0.5 * turned
+        front = front + (STEP_S * speed)[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
+        heading, way = heading + turned, way + STEP_S * speed
+        for _ in range(_NEWTON):
+            along, aside = track.at(track.course, way), front - track.front(way)
+            way = np.minimum(way + aside[:, 0] * np.cos(along) + aside[:, 1] * np.sin(along), track.front.x[-1])
+        offset = aside[:, 1] * np.cos(along) - aside[:, 0] * np.sin(along)
+        lost |= driven & ((np.abs(offset) > _LOST_M) | (np.abs(askew) > _LOST))
+    way, offset, x, y, heading = np.moveaxis(np.array(rows), 1, 0)
+    return Driven(way, offset, np.stack([x, y], axis=-1), heading, tuple(map(bool, lost)))
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """What one follower drove along a path, and what was judged of each run: None where it lost the path, or cannot be judged."""
+
+    settings: LoopSettings
+    driven: Driven
+    results: tuple[Result | None, ...]
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict | None, ...]:
+        """The verdict on each run."""
+        return tuple(None if result is None else verdict_of(result) for result in self.results)
+
+    @property
+    def fits(self) -> bool | None:
+        """Whether all runs keep the street; None on a road without limits, unless a run lost the path."""
+        fits = [verdict is not None and verdict.fits for verdict in self.verdicts]
+        return False if False in fits else None if None in fits else True
+
+    @property
+    def worst(self) -> int:
+        """The run with the least room to spare; without limits that with the largest error."""
+
+        def rank(run: int) -> tuple[float, float]:
+            verdict = self.verdicts[run]
+            spare = -np.inf if verdict is None else np.inf if verdict.spare is None else verdict.spare
+            return spare, -self.driven.error(run)
+
+        return min(range(len(self.results)), key=rank)
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """A row for each run: its gain, its error and tracking length [m], whether it fits, the room it leaves, and where that is least."""
+        gains, rows = 1.0 + self.settings.gain_error * np.repeat(ERRORS, self.settings.runs), []
+        for run, verdict in enumerate(self.verdicts):
+            fits, *place = (False, None, None, None) if verdict is None else (verdict.fits, verdict.spare, verdict.s, verdict.side)
+            rows.append((run + 1, gains[run], self.driven.error(run), self.driven.length(run), fits, *place))
+        return pd.DataFrame(rows, columns=["run", "gain", "error_m", "length_m", "fits", "spare_m", "s_m", "side"])
+
+
+def loop_text(loop: ClosedLoop) -> str:
+    """Return the answer in one sentence: how many runs keep the street, what the worst one leaves and where, and how far they stray."""
+    runs, driven, worst = len(loop.results), loop.driven, loop.worst
+    verdict, errors = loop.verdicts[worst], [driven.error(run) for run in range(runs)]
+    strays = f"the front axle strays by {np.median(errors):.2f} m in the median run, by {max(errors):.2f} m at most"
+    if loop.fits is None:
+        return f"in a closed loop, {runs} runs: {strays}"
+    kept = sum(verdict is not None and verdict.fits is not False for verdict in loop.verdicts)
+    if verdict is None or verdict.spare is None:
+        return f"in a closed loop {kept} of {runs} runs keep the street; run {worst + 1} loses the path; {strays}"
+    room = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.fits else 'lacking'}"
+    where = f"{verdict.side}, s = {verdict.s:.1f} m"
+    return f"in a closed loop {kept} of {runs} runs keep the street; run {worst + 1} is the worst, {room} ({where}); {strays}"
+
+
+def closed_loop(result: Result, follower: str | Follower = "driver", settings: LoopSettings | None = None) -> ClosedLoop:
+    """Follow the path of a planned or judged drive in a closed loop, and judge every run in the street, without clearance.
+
+    ``follower`` is driver, pure-pursuit, stanley, ``package.module:name``, ``file.py:name`` or a function, see ``loop.track.Follower``.
+    The front axle begins on the path. It sees where it is with noise; the wheels do what it wants after the delay, times a
+    gain, with noise, as far as the vehicle steers. The last 15 m are not followed.
+
+    Raises:
+        RoadError: the path is too short to be followed.
+        OptionError: no such follower, or it raises, or returns what is no angle for each run.
+
+    """
+    settings = settings or LoopSettings()
+    case = replace(result.case, settings=replace(result.case.settings, clearance=0.0, tracking_error=0.0))
+    track, vehicle = Track.of(result.drive, settings.speed / KM_H, settings.sideways), result.drive.vehicle
+    if track.length < vehicle.reach_ahead + vehicle.reach_behind:
+        msg = f"the path is followed over {max(track.length, 0.0):.1f} m, less than the {vehicle.name} is long"
+        raise RoadError(msg, hint="follow a longer path: its last 15 m are left out")
+    driven = followed_by(track, follower_named(follower), settings)
+
+    def judged(run: int) -> Result | None:
+        try:
+            return None if driven.lost[run] else api.judge(case, driven.path(run))
+        except HdvplanError:  # it left the road, or steered beyond what is a path: no run to be judged
+            return None
+
+    return ClosedLoop(settings, driven, tuple(judged(run) for run in range(len(driven.lost))))

@@ -1,0 +1,42 @@
+"""How a path is followed in a closed loop; light, as the command line reads it for its options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from hdvplan.settings import POSITIVE, Setting, check
+
+ERRORS = (-1.0, 0.0, 1.0)  # of the gain, in shares of its error
+KM_H = 3.6  # in a metre a second
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """How late, how inexactly and how fast a path is followed. The defaults are those of a bus with people standing in it.
+
+    Raises:
+        OptionError: a value outside its range.
+
+    """
+
+    delay: Annotated[float, Setting("From what is seen to what the wheels do [s].", "S", least=0.0)] = 0.3
+    gain_error: Annotated[
+        float, Setting("Share by which the wheels turn too little in a third of the runs, and too much in another.", "X", least=0.0)
+    ] = 0.1
+    noise: Annotated[
+        float,
+        Setting(
+            "Times 0.05 m in what is seen of the offset, 0.3 degrees in the heading and 0.3 in the wheels (standard deviations).",
+            "X",
+            least=0.0,
+        ),
+    ] = 1.0
+    speed: Annotated[float, Setting("Speed on straights; bends are taken at 1 m/s2 sideways [km/h].", "KM/H", above=0.0)] = 30.0
+    sideways: Annotated[float, POSITIVE] = 1.0  #: most lateral acceleration [m/s2]
+    runs: Annotated[int, Setting("Runs with each of the three gains.", "N", least=1)] = 4
+    seed: int = 0  #: of the noise
+
+    def __post_init__(self) -> None:
+        """Refuse what nobody can drive."""
+        check(self)

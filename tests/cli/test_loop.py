@@ -1,0 +1,51 @@
+"""``hdvplan judge --loop``: a path that a simulated driver follows, told, written and judged."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.cli.conftest import Cli
+
+ROAD = ("short.csv", "--vehicle", "bus", "--no-plot")
+
+
+def test_the_command_tells_and_writes_what_runs_did(cli: Cli, short_road: str) -> None:
+    assert cli("plan", *ROAD, "--half-width", "3", "--out", "plan").code == 0
+    judged = cli("judge", "plan/path.csv", short_road, *ROAD[1:], "--half-width", "3", "--loop", "driver", "--out", "judged")
+    assert judged.code == 0
+    assert "in a closed loop 12 of 12 runs keep the street" in judged.err
+    assert len(pd.read_csv("judged/loop.csv")) == 12
+
+
+def test_a_street_that_a_path_keeps_and_its_driver_does_not_is_exit_code_1_and_the_worst_run_can_be_judged(
+    cli: Cli, short_road: str
+) -> None:
+    assert cli("plan", *ROAD, "--half-width", "1.8", "--out", "plan").code == 0
+    arguments = (short_road, *ROAD[1:], "--half-width", "1.8")
+    judged = cli("judge", "plan/path.csv", *arguments, "--loop", "pure-pursuit", "--runs", "2", "--noise", "3", "--out", "judged")
+    assert judged.code == 1
+    assert judged.out.startswith("YES")
+    assert re.search(r"error: in a closed loop \d of 6 runs keep the street; run \d is the worst, 0\.\d\d m lacking", judged.err)
+    worst = cli("judge", "judged/loop_worst.csv", *arguments, "--json", "--out", "worst")
+    least = pd.read_csv("judged/loop.csv")["spare_m"].min()
+    assert f'"min_clearance_m": {least:.4f}'[:-2] in worst.out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--delay", "1"), "--delay is of a closed loop, and none was asked for"),
+        (("--loop", "me"), "unknown follower 'me'"),
+        (("--loop", "me.py:me"), "there is no file 'me.py'"),
+        (("--loop", "driver", "--runs", "0"), "runs must be"),
+    ],
+)
+def test_what_is_no_closed_loop_is_refused(cli: Cli, short_road: str, options: tuple[str, ...], words: str) -> None:
+    Path("path.csv").write_text("x,y\n0,0\n60,0\n", encoding="utf-8")
+    outcome = cli("judge", "path.csv", short_road, "--vehicle", "bus", *options)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert words in outcome.err
