@@ -22,6 +22,7 @@ from hdvplan.judging.tracking import tracking_of
 from hdvplan.loop.closed import NOISES
 from hdvplan.loop.settings import ERRORS, LoopSettings
 from hdvplan.report.grid import markdown_table
+from hdvplan.settings import any_of
 
 STREETS = Path(__file__).parents[1] / "results" / "tracking" / "roads.csv"
 FOLLOWERS = {"driver": "driver", "pure pursuit": "pure-pursuit", "Stanley": "stanley"}
@@ -81,7 +82,7 @@ def markdown(table: pd.DataFrame) -> str:
     offset, *angles = (deviation for deviation, _ in NOISES.values())
     heading, wheels = np.degrees(angles)
     runs = len(ERRORS) * SETTINGS.runs
-    gains = " or ".join(f"{1.0 + SETTINGS.gain_error * error:g}" for error in ERRORS)
+    gains = any_of([f"{1.0 + SETTINGS.gain_error * error:.1f}" for error in ERRORS])
     return f"""# Plans in a closed loop
 
 A simulated driver, pure pursuit and Stanley's controller follow the plans with the largest clearance of [the ten

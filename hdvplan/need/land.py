@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -28,6 +29,7 @@ _ASKEW_M = 5.0  # that a body askew reaches a place sooner or later than its len
 _CUT_M = 0.1  # of a ring of kerb that is moved all around: it begins and ends somewhere
 _SEAM_M = 1e-4  # between an area and its kerb: what rounding leaves of land there is none
 _ROUNDING_M = 1e-6
+_ROUND, _PART = 4.0, 1.6  # turn of a kerb that may come round to itself, and of the parts that it is looked at in [rad]
 _LEAST_M2 = 1e-4  # of an area: less is rounding
 
 
@@ -74,9 +76,13 @@ def _moved(kerb: Kerb, by: float, *, closed: bool) -> list[Kerb]:
 
 
 def _corners(points: FloatArray) -> BoolArray:
-    heading = np.unwrap(np.arctan2(*np.diff(points, axis=0).T[::-1]))
+    heading = _heading(points)
     turn: FloatArray = np.diff(heading, prepend=heading[0], append=heading[-1])
     return np.abs(turn) > _SHARP
+
+
+def _heading(points: FloatArray) -> FloatArray:
+    return np.unwrap(np.arctan2(*np.diff(points, axis=0).T[::-1]))
 
 
 def around(result: Result, sides: Sequence[str], aside: float = 0.0) -> tuple[tuple[Kerb, ...], tuple[Patch, ...]]:
@@ -90,9 +96,11 @@ def around(result: Result, sides: Sequence[str], aside: float = 0.0) -> tuple[tu
     for kerb in street.kerbs:
         side, region = side_of(kerb), "drivable" if kerb.wheels or not street.two_regions else "sweepable"
         stretches = _stretches(result.balance.touches[side, region], clearance, street) if side in sides else []
-        parts = [_around(result.drive, street, kerb, stretch, clearance + aside) for stretch in stretches]
-        kerbs.append(street.replaced(kerb, [part for part, _ in parts]) if parts else kerb)
-        patches += [replace(patch, side=side, region=region) for _, found in parts for patch in found]
+        strips = [_strips(street, kerb, stretch) for stretch in stretches]
+        parts = [[_around(result.drive, strip, clearance + aside) for strip in of_stretch] for of_stretch in strips]
+        kerbs.append(street.replaced(kerb, [part for of_stretch in parts for part, _ in of_stretch]) if parts else kerb)
+        whole = [patch for of_stretch in parts for patch in _joined([found for _, found in of_stretch])]
+        patches += [replace(patch, side=side, region=region) for patch in whole]
     return tuple(kerbs), tuple(sorted(patches, key=lambda patch: (patch.s_from, patch.side)))
 
 
@@ -114,23 +122,58 @@ def _stretches(touches: Records, clearance: float, street: Street) -> list[tuple
     return deep
 
 
-def _around(drive: Drive, street: Street, kerb: Kerb, stretch: tuple[float, float], aside: float) -> tuple[Kerb, list[Patch]]:
-    """Return a part of a kerb that is moved out around what is swept beyond it, and the areas between."""
+class _Strip(NamedTuple):
+    """The land behind a part of a kerb, beside a stretch of the line."""
+
+    stretch: tuple[float, float]  # [m]
+    part: Kerb
+    far: FloatArray  # the points of its other edge
+    land: BaseGeometry
+
+
+def _strips(street: Street, kerb: Kerb, stretch: tuple[float, float]) -> list[_Strip]:
+    """Return the land behind a kerb beside a stretch, in parts where the kerb goes round: what is swept in another round does not count."""
     around_all = street.closed and stretch[1] - stretch[0] >= street.length
     part = street.part(kerb, stretch[0], stretch[1] - (_CUT_M if around_all else 0.0))
-    line, far = shapely.LineString(part.points), np.concatenate([one.points for one in _moved(part, _FAR_M, closed=False)])
-    strip = shapely.make_valid(shapely.Polygon(np.concatenate([part.points, far[::-1]])))
-    swept = _swept(drive, stretch, strip, aside, axles_only=kerb.wheels)
-    patches = [_patch(part, line, area) for area in shapely.get_parts(strip.intersection(swept)) if area.area > _LEAST_M2]
+    far = np.concatenate([one.points for one in _moved(part, _FAR_M, closed=False)])
+    turn, length = float(np.ptp(_heading(part.points))), stretch[1] - stretch[0]
+    count = int(np.ceil(turn / _PART)) if turn > _ROUND else 1
+    if count > 1 and length > count * _BESIDE_M:
+        cuts = np.linspace(*stretch, count + 1).tolist()
+        return [strip for one in itertools.pairwise(cuts) for strip in _strips(street, kerb, one)]
+    return [_Strip(stretch, part, far, shapely.make_valid(shapely.Polygon(np.concatenate([part.points, far[::-1]]))))]
+
+
+def _joined(parts: Sequence[list[Patch]]) -> list[Patch]:
+    """Return the areas beside the parts of a stretch; what was cut in two between parts is one again."""
+    whole: list[Patch] = []
+    for found in parts:
+        for patch in found:
+            last = next((one for one in whole if one.s_to <= patch.s_from and one.polygon.distance(patch.polygon) < _ROUNDING_M), None)
+            if last is None:
+                whole.append(patch)
+                continue
+            deeper = max(last, patch, key=lambda one: one.depth)
+            whole[whole.index(last)] = replace(
+                deeper, s_from=last.s_from, s_to=patch.s_to, polygon=shapely.union(last.polygon, patch.polygon)
+            )
+    return whole
+
+
+def _around(drive: Drive, strip: _Strip, aside: float) -> tuple[Kerb, list[Patch]]:
+    """Return a part of a kerb that is moved out around what is swept beyond it, and the areas between."""
+    stretch, part, far, land = strip
+    line, swept = shapely.LineString(part.points), _swept(drive, stretch, land, aside, axles_only=part.wheels)
+    patches = [_patch(part, line, area) for area in shapely.get_parts(land.intersection(swept)) if area.area > _LEAST_M2]
     patches = [patch for patch in patches if patch.depth > KEPT_M]
     moved_over = shapely.union_all([patch.polygon for patch in patches]).buffer(_SEAM_M, join_style="mitre")
-    left = max(shapely.get_parts(strip.difference(moved_over)), key=shapely.area)
-    ring = shapely.get_coordinates(shapely.orient_polygons(left, exterior_cw=not kerb.left).exterior)[:-1]
+    left = max(shapely.get_parts(land.difference(moved_over)), key=shapely.area)
+    ring = shapely.get_coordinates(shapely.orient_polygons(left, exterior_cw=not part.left).exterior)[:-1]
     first, last = (_on_end(ring, part.points[end], far[end]) for end in (0, -1))
     points = np.roll(ring, -first, axis=0)[: (last - first) % len(ring) + 1]
     s = np.maximum.accumulate(_along(part, line, _spots(points)))
     s[[0, -1]] = stretch
-    return Kerb(points, s, kerb.left, kerb.wheels, kerb.goes_on), patches
+    return Kerb(points, s, part.left, part.wheels, part.goes_on), patches
 
 
 def _on_end(ring: FloatArray, at_kerb: FloatArray, at_far: FloatArray) -> int:

@@ -125,7 +125,9 @@ def _stops(roads: dict[str, OdrRoad], road_ids: str | Sequence[str] | None, name
     if road_ids is None:
         if len(roads) == 1:
             return [_Stop(next(iter(roads)), None)]
-        msg = f"{name}: {len(roads)} roads, and none is chosen: {some_of(roads, _LISTED)}"
+        longest = sorted(roads.values(), key=lambda road: -road.length)
+        listed = some_of([f"{road.number} ({road.length:.0f} m)" for road in longest], _LISTED)
+        msg = f"{name}: {len(roads)} roads, and none is chosen; the longest are {listed}"
         raise RoadError(msg, hint="choose where to drive, such as --road-ids FROM,TO")
     stops = []
     for text in ids_of(road_ids):

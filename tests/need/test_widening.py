@@ -157,6 +157,19 @@ def test_kerbs_that_move_outwards_leave_every_body_at_least_as_much_more_room() 
         assert after[side] >= before[side] + 0.5 - 1e-3  # chords of a kerb
 
 
+@pytest.mark.parametrize("half", [1.8, 2.1])
+def test_a_kerb_that_goes_round_more_than_once_moves_in_every_round(half: float) -> None:
+    free = case_on([0.0, 30.0, 30.0 + 3.0 * np.pi * 18.0, 60.0 + 3.0 * np.pi * 18.0], [0.0, 1.0 / 18.0, 1.0 / 18.0, 0.0])
+    road = free.road.with_limits(half, half)
+    result = plan(replace(free, road=road))
+    kerbs, patches = around(result, BOTH)
+    assert verdict_of(on_road(result, on_kerbs(road, kerbs))).fits
+    lacking = -min(spare_of(result).values())
+    assert max(patch.depth for patch in patches) == pytest.approx(lacking, abs=0.02)  # of a gap, and of a kerb that bends
+    own = on_road(result, road.with_limits(half + lacking, half + lacking))
+    assert max(spare_of(own).values()) < 1.0  # metres: no kerb of another round counts
+
+
 @pytest.mark.slow
 def test_overhangs_that_need_room_of_their_own_are_told_apart() -> None:
     ends, one = np.array([0.0, 110.0]), np.ones(2)

@@ -175,7 +175,7 @@ def test_a_map_that_is_placed_has_longitude_and_latitude_and_one_that_is_not_has
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "16 roads, and none is chosen: 0, 1, 2"),
+        ({}, r"16 roads, and none is chosen; the longest are \d+ \(\d+ m\), "),
         ({"road_ids": "0,77"}, "no road has the id '77'; there are 0, 1"),
         ({"road_ids": "0", "lane": -7}, "road 0 has no lane -7; there are 2, 1, -1"),
         ({"road_ids": "4,6"}, "no lane leads over roads 4, 6 in this order"),
