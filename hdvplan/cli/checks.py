@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hdvplan.cli.console import note, progress, warn
@@ -32,6 +33,24 @@ def vehicle_named(source: str, *, quiet: bool) -> Vehicle:
     if remark is not None:
         note(remark, quiet=quiet)
     return vehicle
+
+
+def vehicles_named(source: str, *, quiet: bool) -> list[Vehicle]:
+    """Return the vehicles of names with commas between them, or the one of a file whose name may have some.
+
+    Raises:
+        VehicleError: as for ``vehicle_named``.
+        OptionError: two have one name.
+
+    """
+    named = [source] if Path(source).is_file() else [name.strip() for name in source.split(",")]
+    vehicles = [vehicle_named(name, quiet=quiet) for name in named]
+    names = [vehicle.name for vehicle in vehicles]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        msg = f"the vehicle {twice} is given twice"
+        raise OptionError(msg, hint="vehicles of one command have different names")
+    return vehicles
 
 
 def smoothed(found: Found, name: str, *, quiet: bool) -> Road:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hdvplan.answers import NO, without_word
-from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
+from hdvplan.cli.checks import check_fits, smoothed, vehicles_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, SITE, VEHICLE
-from hdvplan.cli.options import WRITTEN, Output, RoadOrNoneArgument, Room, VehicleOption, check_folder, file_name
+from hdvplan.cli.options import WRITTEN, Output, RoadOrNoneArgument, Room, VehiclesOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.cli.turn import MORE_STARTS, answered
 from hdvplan.errors import OptionError
@@ -40,7 +40,7 @@ _OUTPUT = {"out": "Where to write [default: <road>.<vehicle>.need/].", "plot": "
 def need(
     road: RoadOrNoneArgument = None,
     *,
-    vehicle: VehicleOption,
+    vehicle: VehiclesOption,
     fix: Annotated[
         str | None,
         typer.Option(
@@ -80,7 +80,7 @@ def need(
     It asks plans for less and less room and judges each by its simulation, to 1 cm. Less room, for which no plan was found, is called out
     of reach; that is not a proof. Unless the vehicle fits, it also looks for room that is proved to be too little. Obstacles and a fixed
     edge stay where they are. DIR receives need.json, the picture need.png, and the widening as GeoJSON; with --format dxf,gpkg also as
-    layers of a drawing, and with --sheet on paper to scale.
+    layers of a drawing, and with --sheet on paper to scale. Of several vehicles, DIR has a folder for each, and needs.csv.
 
     With --template it finds the least street width, arm or apron, to 5 cm, with which a manoeuvre of forward and backward legs was found.
 
@@ -102,8 +102,8 @@ def need(
     sheet = output.drawn_on()
     from hdvplan.road.load import find_road
 
-    driven = vehicle_named(vehicle, quiet=quiet)
-    found = find_road(road, reading.followed_by(driven.max_curvature))
+    vehicles, answers, directory = vehicles_named(vehicle, quiet=quiet), [], Path()
+    roads = [find_road(road, reading.followed_by(driven.max_curvature)) for driven in vehicles]
     from hdvplan.case import Case
     from hdvplan.need.answer import edge_need_of, need_of
     from hdvplan.report.files import DRAWINGS, PICTURES
@@ -111,33 +111,67 @@ def need(
     from hdvplan.report.paper import check_scale
 
     kinds = output.kinds(PICTURES, DRAWINGS)
-    track = smoothed(found, road, quiet=quiet)
-    track = track if given is None else track.with_limits(*given)
-    check_fits(track, driven, None)
-    check_scale(sheet, [track.path], driven, whole=False)
-    case = Case(track, driven, settings=settings)
-    began = perf_counter()
-    with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:
-        if held is None:
-            answer = need_of(case, prove=proof, on_progress=on_progress)
-        else:
-            other = "right" if held == "left" else "left"
-            edge = _held(track, held, getattr(room, held))
-            answer = edge_need_of(case, edge, other, prove=proof, on_progress=on_progress)
-    summary = need_json(answer, perf_counter() - began)
-    directory = output.out or Path(f"{file_name(track.name)}.{file_name(driven.name)}.need")
-    with writing(f"to {directory}"):
-        write_need(answer, summary, directory, kinds, sheet)
+    for driven, found in zip(vehicles, roads, strict=True):
+        track = smoothed(found, road, quiet=quiet)
+        track = track if given is None else track.with_limits(*given)
+        check_fits(track, driven, None)
+        check_scale(sheet, [track.path], driven, whole=False)
+        case = Case(track, driven, settings=settings)
+        began = perf_counter()
+        with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:
+            if held is None:
+                answer = need_of(case, prove=proof, on_progress=on_progress)
+            else:
+                other = "right" if held == "left" else "left"
+                edge = _held(track, held, getattr(room, held))
+                answer = edge_need_of(case, edge, other, prove=proof, on_progress=on_progress)
+        answers.append((answer, need_json(answer, perf_counter() - began)))
+        several = len(vehicles) > 1
+        directory = output.out or Path(f"{file_name(track.name)}.{'compared' if several else file_name(driven.name)}.need")
+        with writing(f"to {directory}"):
+            write_need(*answers[-1], directory / file_name(driven.name) if several else directory, kinds, sheet)
+    if len(answers) == 1:
+        return _told(*answers[0], directory, output)
+    return _compared(answers, directory, output)
+
+
+def _told(answer: Need, summary: dict[str, Any], directory: Path, output: Output) -> ExitCode:
+    """Print an answer and return the exit code."""
     if output.json:
         print_json(summary)
-    elif not quiet:
+    elif not output.quiet:
         _print(answer, directory)
     return _exit_code(answer)
+
+
+def _compared(answers: list[tuple[Need, dict[str, Any]]], directory: Path, output: Output) -> ExitCode:
+    """Write and print the answers for several vehicles; return the worst exit code."""
+    import pandas as pd
+
+    from hdvplan.fileio import csv_bytes, write_atomically
+    from hdvplan.report.needs import need_lines
+    from hdvplan.report.tables import needs_table
+
+    summaries = [summary for _, summary in answers]
+    numbers = [{name: value for name, value in summary.items() if not isinstance(value, list | dict)} for summary in summaries]
+    with writing(f"to {directory}"):
+        write_atomically(directory / "needs.csv", csv_bytes(pd.DataFrame(numbers)))
+    if output.json:
+        print_json(summaries)
+    elif not output.quiet:
+        for answer, _ in answers:
+            for line in need_lines(answer):
+                print_line(line)
+        print_tables(needs_table(summaries, f"{directory}/"))
+    return max(_exit_code(answer) for answer, _ in answers)
 
 
 def _of_template(name: str, vehicle: str, site: SiteOptions, output: Output) -> int:
     """Find the least room for a manoeuvre that reverses."""
     template = Template(choice("--template", name, list(Template)))
+    if "," in vehicle and not Path(vehicle).is_file():
+        msg = f"--template {template} takes one vehicle, not {vehicle}"
+        raise OptionError(msg, hint="ask for one after the other")
     if site.size(template) is not None:
         msg = f"--{template.sought} is what is sought"
         raise OptionError(msg, hint=f"`hdvplan turn --template {template} --{template.sought} M` tells whether the vehicle fits in it")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, smoothed, vehicle_named, warn_no_side
+from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, smoothed, vehicles_named, warn_no_side
 from hdvplan.cli.completion import one_of
 from hdvplan.cli.console import note, progress, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
@@ -125,10 +125,9 @@ def plan(
 
     check_solver(asked.solver)
     check_objective(options.objective)
-    names = [vehicle] if Path(vehicle).is_file() else [name.strip() for name in vehicle.split(",")]
+    driven = vehicles_named(vehicle, quiet=output.quiet)
     if centreline is not None:
-        _check_centreline(road, names)
-    driven = [vehicle_named(name, quiet=output.quiet) for name in names]
+        _check_centreline(road, [one.name for one in driven])
     return _plan_one(asked, driven[0]) if len(driven) == 1 else _plan_all(asked, driven)
 
 
@@ -158,12 +157,7 @@ def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
 
 def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
     """Plan several vehicles, write each into a folder of its own, and compare them."""
-    output, names = asked.output, [vehicle.name for vehicle in vehicles]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        msg = f"the vehicle {twice} is given twice"
-        raise OptionError(msg, hint="vehicles of one plan have different names")
-    results = []
+    output, results = asked.output, []
     for vehicle in vehicles:
         found = _found(asked, vehicle)
         if found.line is not None:

@@ -24,6 +24,22 @@ _STRAIGHT_PER_M = 5e-5  # a radius of 20 km; less curvature is shown as 0
 _TROUBLES = {"width": ("width [m]", 2), "curvature": ("curvature [1/m]", 3), "circle": ("no even circle", 0)}  # words and digits
 
 
+def needs_table(summaries: Sequence[Json], directory: str) -> Table:
+    """Return the least room of several vehicles on one road, from their summaries, a vehicle a row; "-" where there is no such number."""
+    sought = next(name for name in ("half_width_m", "left_m", "right_m") if name in summaries[0])
+    shown = {
+        sought.removesuffix("_m").replace("_", " ") + " [m]": (sought, 2),
+        "at s [m]": ("s_m", 1),
+        "too little, proved [m]": ("proved_below_m", 2),
+        "widening [m2]": ("widening_m2", 1),
+    }
+    rows = [
+        (one["vehicle"], *("-" if one[name] is None else f"{one[name]:.{digits}f}" for name, digits in shown.values())) for one in summaries
+    ]
+    title = f"{len(summaries)} vehicles on {summaries[0]['road']}"
+    return grid(title, ("vehicle", *shown), rows, text=("vehicle",), caption=f"written to {directory}")
+
+
 def balance_table(summary: Json, road: Road | None = None) -> Table:
     """Return the envelope balance of one plan from its summary: a quantity, its value and unit, and a remark a row.
 

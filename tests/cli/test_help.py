@@ -34,7 +34,7 @@ def test_help_fits_the_terminal_and_ends_no_line_in_blanks(cli: Cli, monkeypatch
     ("command", "groups"),
     [
         ("plan", ["Arguments", "Vehicle and room", "Road file", "Planning", "Output", "Options"]),
-        ("judge", ["Arguments", "Vehicle and room", "Road file", "Planning", "Output", "Options"]),
+        ("judge", ["Arguments", "Vehicle and room", "Road file", "Planning", "Closed loop", "Output", "Options"]),
         ("need", ["Arguments", "Vehicle and room", "Road file", "Output", "Planning", "Turning heads and docks", "Options"]),
         ("turn", ["Vehicle and room", "Turn", "Turning heads and docks", "Output", "Options"]),
         ("bench", ["What to measure", "Limits", "How to measure", "Comparison", "Decision", "Output", "Options"]),

@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import pandas as pd
 import pyogrio
 import pytest
 import shapely
@@ -53,6 +54,19 @@ def test_json_is_all_that_stdout_gets(cli: Cli, bend: str) -> None:
     assert told.keys() >= FIELDS | {"right_m"}
     assert told["right_m"] > 2.0
     assert (told["proved_below_m"], told["proof"]) == (None, None)
+
+
+def test_several_vehicles_are_answered_together(cli: Cli, bend: str) -> None:
+    arguments = ("need", bend, "--fix", "left", "--left", "2", "--no-plot", "--no-proof")
+    outcome = cli(*arguments, "--vehicle", "bus,citaro-k", "--out", "both")
+    assert outcome.code == 0
+    table, alone = pd.read_csv("both/needs.csv").set_index("vehicle"), cli(*arguments, "--vehicle", "bus", "--json")
+    assert table.loc["bus", "right_m"] == json.loads(alone.out)["right_m"]
+    assert table.loc["citaro-k", "right_m"] < table.loc["bus", "right_m"]
+    for vehicle in ("bus", "citaro-k"):
+        line = next(line for line in outcome.out.splitlines() if line.startswith(vehicle))
+        assert f" {table.loc[vehicle, 'right_m']:.2f} " in line
+        assert (Path("both") / vehicle / "need.json").is_file()
 
 
 @pytest.mark.slow

@@ -18,6 +18,8 @@ REFUSED = [  # a command, and words of the error
     ("plan uturn --vehicle missing.toml", "missing.toml does not exist"),
     ("plan uturn", "missing option '--vehicle'"),
     ("plan uturn --vehicle bus,bus", "the vehicle bus is given twice"),
+    ("need uturn --vehicle bus,bus", "the vehicle bus is given twice"),
+    ("need --template dock-90 --vehicle bus,midibus", "--template dock-90 takes one vehicle, not bus,midibus"),
     ("plan uturn --vehicle bus,", "unknown vehicle ''"),
     ("plan goteborg_nya_alen --vehicle bus", "goteborg_nya_alen"),
     ("plan excel_lower.csv --vehicle bus", "excel_lower.csv does not exist"),
