@@ -20,21 +20,26 @@ class LoopSettings:
 
     """
 
-    delay: Annotated[float, Setting("From what is seen to what the wheels do [s].", "S", least=0.0)] = 0.3
+    delay: Annotated[float, Setting("From what is seen to what the wheels do [s] [default: 0.3].", "S", least=0.0)] = 0.3
     gain_error: Annotated[
-        float, Setting("Share by which the wheels turn too little in a third of the runs, and too much in another.", "X", least=0.0)
+        float,
+        Setting(
+            "Share by which the wheels turn too little in a third of the runs, and too much in another [default: 0.1].", "X", least=0.0
+        ),
     ] = 0.1
     noise: Annotated[
         float,
         Setting(
-            "Times 0.05 m in what is seen of the offset, 0.3 degrees in the heading and 0.3 in the wheels (standard deviations).",
+            "Times 0.05 m in what is seen of the offset, 0.3 degrees in heading and wheels each, standard deviations [default: 1].",
             "X",
             least=0.0,
         ),
     ] = 1.0
-    speed: Annotated[float, Setting("Speed on straights; bends are taken at 1 m/s2 sideways [km/h].", "KM/H", above=0.0)] = 30.0
+    speed: Annotated[float, Setting("Speed on straights; bends are taken at 1 m/s2 sideways [km/h] [default: 30].", "KM/H", above=0.0)] = (
+        30.0
+    )
     sideways: Annotated[float, POSITIVE] = 1.0  #: most lateral acceleration [m/s2]
-    runs: Annotated[int, Setting("Runs with each of the three gains.", "N", least=1)] = 4
+    runs: Annotated[int, Setting("Runs with each of the three gains [default: 4].", "N", least=1)] = 4
     seed: int = 0  #: of the noise
 
     def __post_init__(self) -> None:

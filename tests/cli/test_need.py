@@ -64,7 +64,7 @@ def test_several_vehicles_are_answered_together(cli: Cli, bend: str) -> None:
     assert table.loc["bus", "right_m"] == json.loads(alone.out)["right_m"]
     assert table.loc["citaro-k", "right_m"] < table.loc["bus", "right_m"]
     for vehicle in ("bus", "citaro-k"):
-        line = next(line for line in outcome.out.splitlines() if line.startswith(vehicle))
+        line = next(line for line in outcome.out.splitlines() if line.split()[:1] == [vehicle])
         assert f" {table.loc[vehicle, 'right_m']:.2f} " in line
         assert (Path("both") / vehicle / "need.json").is_file()
 
