@@ -60,12 +60,13 @@ def test_several_vehicles_are_answered_together(cli: Cli, bend: str) -> None:
     arguments = ("need", bend, "--fix", "left", "--left", "2", "--no-plot", "--no-proof")
     outcome = cli(*arguments, "--vehicle", "bus,citaro-k", "--out", "both")
     assert outcome.code == 0
-    table, alone = pd.read_csv("both/needs.csv").set_index("vehicle"), cli(*arguments, "--vehicle", "bus", "--json")
-    assert table.loc["bus", "right_m"] == json.loads(alone.out)["right_m"]
-    assert table.loc["citaro-k", "right_m"] < table.loc["bus", "right_m"]
-    for vehicle in ("bus", "citaro-k"):
+    table, alone = pd.read_csv("both/needs.csv"), cli(*arguments, "--vehicle", "bus", "--json")
+    right = dict(zip(table["vehicle"], table["right_m"], strict=True))
+    assert right["bus"] == json.loads(alone.out)["right_m"]
+    assert right["citaro-k"] < right["bus"]
+    for vehicle, room in right.items():
         line = next(line for line in outcome.out.splitlines() if line.split()[:1] == [vehicle])
-        assert f" {table.loc[vehicle, 'right_m']:.2f} " in line
+        assert f" {room:.2f} " in line
         assert (Path("both") / vehicle / "need.json").is_file()
 
 
