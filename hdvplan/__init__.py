@@ -19,36 +19,43 @@ from typing import TYPE_CHECKING
 from hdvplan.version import __version__
 
 if TYPE_CHECKING:
-    from hdvplan import study
-    from hdvplan.api import judge, plan, prove, solver
-    from hdvplan.case import Case
-    from hdvplan.driving.followed import GivenPath
-    from hdvplan.errors import HdvplanError
-    from hdvplan.finer import clearest, replanned
-    from hdvplan.judging.legs import LegsResult
-    from hdvplan.judging.result import Result
-    from hdvplan.judging.verdict import verdict_of
-    from hdvplan.legs import load_legs, plan_legs
-    from hdvplan.loop.closed import closed_loop
-    from hdvplan.loop.settings import LoopSettings
-    from hdvplan.need.answer import need_of
-    from hdvplan.planning.bias import Bias
-    from hdvplan.planning.settings import PlannerSettings
-    from hdvplan.qp.workspace import QpWorkspace
-    from hdvplan.report.files import write_plan
-    from hdvplan.report.html import write_report
-    from hdvplan.report.leg_files import write_legs
-    from hdvplan.report.plots import plan_figure
-    from hdvplan.report.summary import summary_of
-    from hdvplan.road.legs import Leg, Legs
-    from hdvplan.road.limits import Limits
-    from hdvplan.road.load import load_road
-    from hdvplan.road.meeting import beside_swept
-    from hdvplan.road.options import RoadOptions
-    from hdvplan.road.road import Road
-    from hdvplan.stepping import Stepper
-    from hdvplan.vehicle.load import load_vehicle
-    from hdvplan.vehicle.model import Unit, Vehicle
+    from hdvplan import study as study
+    from hdvplan.api import judge as judge
+    from hdvplan.api import plan as plan
+    from hdvplan.api import prove as prove
+    from hdvplan.api import solver as solver
+    from hdvplan.case import Case as Case
+    from hdvplan.driving.followed import GivenPath as GivenPath
+    from hdvplan.errors import HdvplanError as HdvplanError
+    from hdvplan.finer import clearest as clearest
+    from hdvplan.finer import replanned as replanned
+    from hdvplan.judging.legs import LegsResult as LegsResult
+    from hdvplan.judging.result import Result as Result
+    from hdvplan.judging.verdict import verdict_of as verdict_of
+    from hdvplan.legs import load_legs as load_legs
+    from hdvplan.legs import plan_legs as plan_legs
+    from hdvplan.loop.closed import closed_loop as closed_loop
+    from hdvplan.loop.settings import LoopSettings as LoopSettings
+    from hdvplan.need.answer import need_of as need_of
+    from hdvplan.planning.bias import Bias as Bias
+    from hdvplan.planning.settings import PlannerSettings as PlannerSettings
+    from hdvplan.qp.workspace import QpWorkspace as QpWorkspace
+    from hdvplan.report.files import write_plan as write_plan
+    from hdvplan.report.html import write_report as write_report
+    from hdvplan.report.leg_files import write_legs as write_legs
+    from hdvplan.report.plots import plan_figure as plan_figure
+    from hdvplan.report.summary import summary_of as summary_of
+    from hdvplan.road.legs import Leg as Leg
+    from hdvplan.road.legs import Legs as Legs
+    from hdvplan.road.limits import Limits as Limits
+    from hdvplan.road.load import load_road as load_road
+    from hdvplan.road.meeting import beside_swept as beside_swept
+    from hdvplan.road.options import RoadOptions as RoadOptions
+    from hdvplan.road.road import Road as Road
+    from hdvplan.stepping import Stepper as Stepper
+    from hdvplan.vehicle.load import load_vehicle as load_vehicle
+    from hdvplan.vehicle.model import Unit as Unit
+    from hdvplan.vehicle.model import Vehicle as Vehicle
 
 _HOMES = {
     "Bias": "hdvplan.planning.bias",
@@ -90,46 +97,7 @@ _HOMES = {
     "write_report": "hdvplan.report.html",
 }
 
-__all__ = [
-    "Bias",
-    "Case",
-    "GivenPath",
-    "HdvplanError",
-    "Leg",
-    "Legs",
-    "LegsResult",
-    "Limits",
-    "LoopSettings",
-    "PlannerSettings",
-    "QpWorkspace",
-    "Result",
-    "Road",
-    "RoadOptions",
-    "Stepper",
-    "Unit",
-    "Vehicle",
-    "__version__",
-    "beside_swept",
-    "clearest",
-    "closed_loop",
-    "judge",
-    "load_legs",
-    "load_road",
-    "load_vehicle",
-    "need_of",
-    "plan",
-    "plan_figure",
-    "plan_legs",
-    "prove",
-    "replanned",
-    "solver",
-    "study",
-    "summary_of",
-    "verdict_of",
-    "write_legs",
-    "write_plan",
-    "write_report",
-]
+__all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - they are strings
 
 
 if not TYPE_CHECKING:  # else a type checker would believe in any name
