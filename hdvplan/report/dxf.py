@@ -16,10 +16,8 @@ from ezdxf.filemanagement import new
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import TRACK_NOTE
-from hdvplan.judging.result import Result
-from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of
 from hdvplan.report.geojson import polygons_of
-from hdvplan.report.layers import Drawn, Layer, System, drawing_system, drawn_features
+from hdvplan.report.layers import Drawn, Layer, System
 from hdvplan.texts import printable
 from hdvplan.version import __version__
 
@@ -58,33 +56,13 @@ _LOOKS = {
 _HATCHED = (Layer.CONFLICTS, Layer.WIDENING)
 
 
-def dxf_bytes(result: Result, features: Sequence[Drawn] | None = None, answer: Sequence[str] | None = None) -> bytes:
-    """Return the drawing, in the road file's coordinate system or, where that is in degrees, in its UTM zone.
-
-    ``features`` are those of the plan, and ``answer``, the first lines of the notes, is its verdict, unless they are given.
-    """
-    drive, system = result.drive, drawing_system(result.drive.road)
-    notes = [
-        *((line_of(result, verdict_of(result)) for line_of in (verdict_line, verdict_details)) if answer is None else answer),
-        f"road: {drive.road.name}, {drive.road.path.length:.1f} m",
-        f"vehicle: {drive.vehicle.name}",
-        *how_to_read(system),
-    ]
-    if drive.road.notice:
-        notes.append(drive.road.notice)
-    return drawing_bytes(drawn_features(result) if features is None else features, system, notes)
-
-
-def how_to_read(system: System) -> list[str]:
-    """Return the lines of the notes that say what coordinates and wheel tracks are, and who drew them."""
-    return [f"coordinates: {system.note}", f"wheel tracks: {TRACK_NOTE}", f"hdvplan {__version__}"]
-
-
-def drawing_bytes(features: Sequence[Drawn], system: System, notes: Sequence[str]) -> bytes:
+def dxf_bytes(features: Sequence[Drawn], system: System, notes: Sequence[str], notice: str | None = None) -> bytes:
     """Return a drawing of ``features`` in ``system``, with the lines ``notes`` above everything else.
 
+    Below them stands what coordinates and wheel tracks are, who drew them, and the ``notice`` of the road's source.
     ``$INSUNITS`` is metres. Areas are closed polylines, holes too; every body has separate layers.
     """
+    how_to_read = [f"coordinates: {system.note}", f"wheel tracks: {TRACK_NOTE}", f"hdvplan {__version__}"]
     document = new(_VERSION, setup=True)
     document.units = units.M
     document.header["$MEASUREMENT"] = 1
@@ -95,7 +73,7 @@ def drawing_bytes(features: Sequence[Drawn], system: System, notes: Sequence[str
     for feature in features:
         _draw(document, space, feature, system)
     bounds = shapely.total_bounds([system.place(feature.geometry) for feature in features])
-    _write_notes(document, space, bounds, notes)
+    _write_notes(document, space, bounds, [*notes, *how_to_read, *filter(None, [notice])])
     buffer = StringIO()
     document.write(buffer)
     return document.encode(buffer.getvalue())

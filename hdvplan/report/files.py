@@ -12,9 +12,10 @@ from hdvplan.arrays import FloatArray
 from hdvplan.columns import Column, table_bytes
 from hdvplan.fileio import Together, json_bytes
 from hdvplan.judging.result import Result
+from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of
 from hdvplan.record import NAME, record_of
 from hdvplan.report.geojson import swept_geojson
-from hdvplan.report.layers import Drawn
+from hdvplan.report.layers import Drawn, drawing_system, drawn_features, map_system
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import summary_of
 from hdvplan.road.regions import Region
@@ -173,16 +174,27 @@ def regions_json(regions: Sequence[Region]) -> list[dict[str, object]]:
     ]
 
 
-def drawn_bytes(result: Result, kind: str, features: Sequence[Drawn] | None = None, answer: Sequence[str] | None = None) -> bytes:
-    """Return a plan as a file of one of ``PICTURES`` or ``DRAWINGS``; ``features`` and ``answer`` as in ``dxf_bytes``."""
+def drawing_bytes(result: Result, kind: str, features: Sequence[Drawn], answer: Sequence[str], road: str | None = None) -> bytes:
+    """Return ``features`` as a file of one of ``DRAWINGS``, in the coordinate system of a plan's road or one that suits the kind.
+
+    Notes in it begin with the lines of ``answer`` and go on with what is driven: the plan's road, or what ``road`` calls it.
+    """
+    driven, vehicle = result.drive.road, result.drive.vehicle
     if kind == "gpkg":
         from hdvplan.report.geopackage import geopackage_bytes  # noqa: PLC0415 - GDAL, ezdxf and Matplotlib take a while to import
 
-        return geopackage_bytes(result, features)
-    if kind == "dxf":
-        from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - as above
+        return geopackage_bytes(features, map_system(driven))
+    from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - as above
 
-        return dxf_bytes(result, features, answer)
+    notes = [*answer, f"road: {road or f'{driven.name}, {driven.path.length:.1f} m'}", f"vehicle: {vehicle.name}"]
+    return dxf_bytes(features, drawing_system(driven), notes, driven.notice)
+
+
+def drawn_bytes(result: Result, kind: str) -> bytes:
+    """Return a plan as a file of one of ``PICTURES`` or ``DRAWINGS``."""
+    if kind in DRAWINGS:
+        verdict = verdict_of(result)
+        return drawing_bytes(result, kind, drawn_features(result), [verdict_line(result, verdict), verdict_details(result, verdict)])
     from hdvplan.report.plots import plan_figure  # noqa: PLC0415 - as above
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 

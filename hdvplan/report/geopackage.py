@@ -11,24 +11,19 @@ import pyogrio
 import shapely
 from numpy.typing import NDArray
 
-from hdvplan.judging.result import Result
 from hdvplan.report.geojson import polygons_of
-from hdvplan.report.layers import Drawn, Layer, drawn_features, map_system
+from hdvplan.report.layers import Drawn, Layer, System
 
 _NOWHERE = 'LOCAL_CS["metres of the road file",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'
 
 
-def geopackage_bytes(result: Result, features: Sequence[Drawn] | None = None) -> bytes:
-    """Return the GeoPackage, in the road file's coordinate system; areas are MultiPolygons. Layers without features are left out.
-
-    ``features`` are those of the plan unless they are given.
+def geopackage_bytes(features: Sequence[Drawn], system: System) -> bytes:
+    """Return a GeoPackage of ``features`` in ``system``; areas are MultiPolygons. Layers without features are left out.
 
     Raises:
         OSError: there is no room for temporary files.
 
     """
-    system = map_system(result.drive.road)
-    features = drawn_features(result) if features is None else features
     with TemporaryDirectory() as folder:
         path = Path(folder) / "plan.gpkg"
         for layer in Layer:

@@ -17,10 +17,9 @@ from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import JACKKNIFE, Jackknife, LegsResult
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
-from hdvplan.report.dxf import drawing_bytes, how_to_read
-from hdvplan.report.files import FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, path_table, regions_json
+from hdvplan.report.files import DRAWINGS, FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, drawing_bytes, path_table, regions_json
 from hdvplan.report.geojson import REGION, region_feature, swept_features
-from hdvplan.report.layers import Drawn, Layer, Value, drawing_system, drawn_features, of_body
+from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import summary_of, verdict_json
 from hdvplan.road.legs import Leg
@@ -127,18 +126,11 @@ def _driven(table: Table, leg: Leg) -> Table:
 
 
 def _drawn(driven: LegsResult, kind: str) -> bytes:
-    first = driven.results[0]
-    if kind == "gpkg":
-        from hdvplan.report.geopackage import geopackage_bytes  # noqa: PLC0415 - GDAL takes a while to import
-
-        return geopackage_bytes(first, leg_features(driven))
-    if kind == "dxf":
-        system = drawing_system(first.drive.road)
+    if kind in DRAWINGS:
         length = sum(leg.road.path.length for leg in driven.legs.legs)
-        what = f"road: {driven.legs.name}, {len(driven.legs.legs)} legs, {length:.1f} m"
-        notes = [driven.text, driven.details, what, f"vehicle: {first.drive.vehicle.name}", *how_to_read(system)]
-        return drawing_bytes(leg_features(driven), system, [*notes, *filter(None, [first.drive.road.notice])])
-    from hdvplan.report.leg_plots import legs_figure  # noqa: PLC0415 - Matplotlib, likewise
+        road = f"{driven.legs.name}, {len(driven.legs.legs)} legs, {length:.1f} m"
+        return drawing_bytes(driven.results[0], kind, leg_features(driven), [driven.text, driven.details], road)
+    from hdvplan.report.leg_plots import legs_figure  # noqa: PLC0415 - Matplotlib takes a while to import
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
     return figure_bytes(legs_figure(driven), kind)

@@ -19,7 +19,7 @@ from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least, on_road
 from hdvplan.need.widening import Widening, Widenings
 from hdvplan.record import NAME, record_of
 from hdvplan.report.colours import BREACH
-from hdvplan.report.files import DRAWINGS, PICTURES, SHEET, drawn_bytes
+from hdvplan.report.files import DRAWINGS, PICTURES, SHEET, drawing_bytes
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
@@ -266,8 +266,8 @@ def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] =
 def _drawn(need: Need, shown: Result, kind: str) -> bytes:
     """Return the file of one of ``PICTURES`` or ``DRAWINGS``."""
     features, lines = need_features(need, shown), need_lines(need)
-    if kind not in PICTURES:
-        return drawn_bytes(shown, kind, features, lines)
+    if kind in DRAWINGS:
+        return drawing_bytes(shown, kind, features, lines)
     from hdvplan.report.need_plots import need_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 

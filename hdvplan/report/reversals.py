@@ -166,10 +166,10 @@ def write_reversal(answer: Answer, directory: Path, name: str, *, kinds: Collect
 
 def _drawn(answer: Answer, kind: str) -> bytes:
     if kind == "dxf":
-        from hdvplan.report.dxf import drawing_bytes, how_to_read  # noqa: PLC0415 - ezdxf takes half a second to import
+        from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - ezdxf takes half a second to import
 
         system = System(None, "metres; all turns are to the left, mirror it where one drives on the left")
-        return drawing_bytes(reversal_features(answer), system, [verdict(answer), details(answer), *how_to_read(system)])
+        return dxf_bytes(reversal_features(answer), system, [verdict(answer), details(answer)])
     from hdvplan.report.manoeuvre_plots import reversal_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 

@@ -101,16 +101,6 @@ def _limit_json(limit: Limit, turn: Turn) -> Json:
     return {"figure": limit.name, f"{bound}_m": limit.value, "spare_m": spare, "kept": limit.kept(turn.figures)}
 
 
-def _dxf(turn: Turn) -> bytes:
-    """Return the drawing of a manoeuvre [m]: the guided point enters along x, and the turn is to the left."""
-    from hdvplan.report.dxf import drawing_bytes, how_to_read  # noqa: PLC0415 - ezdxf takes half a second to import
-
-    system = System(None, "metres; the turn is to the left, mirror it for one to the right")
-    template = [] if turn.template is None else [f"template: {turn.template.name}; {turn.template.source}"]
-    notes = [verdict(turn), *template, f"vehicle: {turn.driven.vehicle.name}", *how_to_read(system)]
-    return drawing_bytes(turn_features(turn), system, notes)
-
-
 def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:
     """Write ``turn.json``, ``poses.csv``, ``width.csv`` and what is drawn into ``directory``.
 
@@ -133,7 +123,11 @@ def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> N
 
 def _drawn(turn: Turn, kind: str) -> bytes:
     if kind == "dxf":
-        return _dxf(turn)
+        from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - ezdxf takes half a second to import
+
+        system = System(None, "metres; the turn is to the left, mirror it for one to the right")
+        template = [] if turn.template is None else [f"template: {turn.template.name}; {turn.template.source}"]
+        return dxf_bytes(turn_features(turn), system, [verdict(turn), *template, f"vehicle: {turn.driven.vehicle.name}"])
     from hdvplan.report.manoeuvre_plots import turn_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 

@@ -20,8 +20,7 @@ from hdvplan.answers import NO
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.result import Result
-from hdvplan.report.dxf import dxf_bytes
-from hdvplan.report.geopackage import geopackage_bytes
+from hdvplan.report.files import drawn_bytes
 from hdvplan.report.layers import drawing_system, drawn_features, map_system
 from hdvplan.road.crs import to_plane
 from hdvplan.road.load import load_road
@@ -54,7 +53,7 @@ def mapped(kerbed: Result) -> Result:
 
 @once
 def opened(result: Result) -> Drawing:
-    return read(StringIO(dxf_bytes(result).decode()))
+    return read(StringIO(drawn_bytes(result, "dxf").decode()))
 
 
 def polylines(drawing: Drawing, layer: str) -> list[FloatArray]:
@@ -123,7 +122,7 @@ def test_areas_and_tracks_in_a_drawing_are_those_of_the_plan(surveyed: Result) -
 
 
 def test_what_is_drawn_can_be_planned_along_again(surveyed: Result, tmp_path: Path) -> None:
-    (tmp_path / "plan.dxf").write_bytes(dxf_bytes(surveyed))
+    (tmp_path / "plan.dxf").write_bytes(drawn_bytes(surveyed, "dxf"))
     road = load_road(tmp_path / "plan.dxf", RoadOptions(layer="ROAD", crs="EPSG:3006"))
     assert road.path.length == pytest.approx(surveyed.drive.road.path.length, abs=0.1)  # smoothed again
 
@@ -131,7 +130,7 @@ def test_what_is_drawn_can_be_planned_along_again(surveyed: Result, tmp_path: Pa
 def test_a_geopackage_has_a_layer_for_every_kind_in_the_road_s_coordinates(mapped: Result, surveyed: Result, tmp_path: Path) -> None:
     for result, code in ((mapped, "EPSG:4326"), (surveyed, "EPSG:3006")):
         file = tmp_path / "plan.gpkg"
-        file.write_bytes(geopackage_bytes(result))
+        file.write_bytes(drawn_bytes(result, "gpkg"))
         layers = dict(pyogrio.list_layers(file))
         assert set(layers) == {str(feature.layer) for feature in drawn_features(result)}
         assert layers["road"] == layers["wheel_tracks"] == "LineString"
@@ -141,7 +140,7 @@ def test_a_geopackage_has_a_layer_for_every_kind_in_the_road_s_coordinates(mappe
 
 def test_a_geopackage_reopened_has_the_planned_places_and_areas(mapped: Result, tmp_path: Path) -> None:
     file = tmp_path / "plan.gpkg"
-    file.write_bytes(geopackage_bytes(mapped))
+    file.write_bytes(drawn_bytes(mapped, "gpkg"))
     to_lonlat, path = mapped.drive.road.to_lonlat, mapped.drive.road.path
     assert to_lonlat is not None
     geod = Geod(ellps="WGS84")
@@ -163,7 +162,7 @@ def test_a_geopackage_reopened_has_the_planned_places_and_areas(mapped: Result, 
 
 def test_a_road_of_no_place_is_written_in_its_own_metres(kerbed: Result, tmp_path: Path) -> None:
     file = tmp_path / "plan.gpkg"
-    file.write_bytes(geopackage_bytes(kerbed))
+    file.write_bytes(drawn_bytes(kerbed, "gpkg"))
     assert "metres of the road file" in pyogrio.read_info(file, layer="road")["crs"]
     assert "names no coordinate system" in notes(opened(kerbed))
 
