@@ -177,6 +177,6 @@ def _drawn(answer: Answer, kind: str) -> bytes:
 
 
 def _sheet(answer: Answer, options: SheetOptions) -> bytes:
-    from hdvplan.report.manoeuvre_sheet import reversal_sheet_bytes  # noqa: PLC0415 - as above
+    from hdvplan.report.leg_sheet import reversal_sheet_bytes  # noqa: PLC0415 - as above
 
     return reversal_sheet_bytes(answer, options)
