@@ -21,9 +21,9 @@ from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
 from hdvplan.planning.terms.term import Columns, Horizon, Needs, Scene
-from hdvplan.reproduce.swept import road_of, swept, unevenness
+from hdvplan.reproduce.swept import swept, unevenness
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import sturn_profile
+from hdvplan.road.scenarios import Scenario, sturn_profile
 from hdvplan.vehicle.model import Vehicle
 
 VEHICLES = ("bus", "tractor-trailer")
@@ -74,7 +74,7 @@ def run(road: Road, vehicle: Vehicle, objective: Objective, settings: PlannerSet
 
 def case_road(curvature: float, sharpness: float) -> Road:
     """Return one S-turn of the family."""
-    return road_of("sturn", sturn_profile(curvature, sharpness))
+    return Scenario("sturn", sturn_profile(curvature, sharpness))()
 
 
 def numbers(found: Result) -> dict[str, float]:

@@ -23,7 +23,7 @@ def some_of(names: Iterable[str], most: int) -> str:
 
 def no_formula(cell: str) -> str:
     """Return a word for a table that spreadsheets open: what would begin a formula begins with an apostrophe."""
-    return f"'{cell}" if cell.startswith(_FORMULA) and not _is_number(cell) else cell
+    return f"'{cell}" if cell.startswith(_FORMULA) and not is_number(cell) else cell
 
 
 def encoded(text: str) -> bytes:
@@ -31,7 +31,8 @@ def encoded(text: str) -> bytes:
     return text.encode("utf-8", "replace")
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Tell whether a cell of a table is a number, without anything around it."""
     try:
         float(cell)
     except ValueError:

@@ -16,8 +16,8 @@ from ezdxf.filemanagement import new
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import TRACK_NOTE
-from hdvplan.report.geojson import polygons_of
 from hdvplan.report.layers import Drawn, Layer, System
+from hdvplan.road.regions import polygons_of
 from hdvplan.texts import printable
 from hdvplan.version import __version__
 

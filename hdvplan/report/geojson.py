@@ -18,7 +18,7 @@ from hdvplan.report.colours import BREACH, INK, MUTED, body_colour
 from hdvplan.report.kerbs import broken_kerb, shown_kerbs, simple_line
 from hdvplan.report.rooms import approach_of
 from hdvplan.road.path import ReferencePath
-from hdvplan.road.regions import Region
+from hdvplan.road.regions import Region, polygons_of
 from hdvplan.road.road import Road
 
 CHUNK_M = 50.0  # a road's swept area is cut into pieces this long: each is simple even where the road crosses itself
@@ -148,11 +148,6 @@ def _rounded(area: BaseGeometry, grid: float) -> BaseGeometry:
         return shapely.set_precision(area, grid)
     except shapely.GEOSException:
         return shapely.make_valid(shapely.set_precision(area, grid, mode="pointwise"))
-
-
-def polygons_of(geometry: BaseGeometry) -> list[shapely.Polygon]:
-    """Return the polygons in a geometry, however deep they lie; lines and points that repairs left over are dropped."""
-    return [part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
 def _coordinates(geometry: BaseGeometry, digits: int) -> list[Any]:

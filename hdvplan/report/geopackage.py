@@ -11,8 +11,8 @@ import pyogrio
 import shapely
 from numpy.typing import NDArray
 
-from hdvplan.report.geojson import polygons_of
 from hdvplan.report.layers import Drawn, Layer, System
+from hdvplan.road.regions import polygons_of
 
 _NOWHERE = 'LOCAL_CS["metres of the road file",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, TemplateError
+from jinja2 import Environment, Template, TemplateError
 
 from hdvplan.answers import without_word
 from hdvplan.arrays import FloatArray
@@ -95,9 +95,8 @@ def write_report(
 def report_html(plans: Sequence[PlanFiles], title: str) -> str:
     """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times."""
     plans = [replace(plan, summary=plan.summary | {"narrowest": _narrowest(plan)}) for plan in plans]
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans])
-    return environment.from_string(page_part("report.html.j2")).render(
+    return page_template("report.html.j2").render(
         title=title,
         version=__version__,
         style=page_part("report.css"),
@@ -209,6 +208,11 @@ def script_json(value: object) -> str:
     return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
 
 
-def page_part(name: str) -> str:
-    """Return a file that the page is made of: its template, style or script."""
-    return (resources.files("hdvplan.report") / "page" / name).read_text(encoding="utf-8")
+def page_template(name: str, package: str = "hdvplan.report") -> Template:
+    """Return the template of a page."""
+    return Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(page_part(name, package))
+
+
+def page_part(name: str, package: str = "hdvplan.report") -> str:
+    """Return a file of a package that a page is made of: its template, style or script."""
+    return (resources.files(package) / "page" / name).read_text(encoding="utf-8")

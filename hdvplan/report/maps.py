@@ -20,12 +20,12 @@ from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result
 from hdvplan.report.colours import BAND, BREACH, INK, MUTED, body_colour
-from hdvplan.report.geojson import polygons_of
 from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.layers import Drawn, Layer, outline_places
 from hdvplan.report.rooms import Room, Window, outwards_at, shown_reach
 from hdvplan.report.style import ON_WHITE, body_dark, body_fill
 from hdvplan.road.path import ReferencePath
+from hdvplan.road.regions import polygons_of
 
 Turn = Callable[[FloatArray], FloatArray]  # of points (n, 2) of the road's plane, as they lie on the paper
 UNTURNED: Turn = np.asarray

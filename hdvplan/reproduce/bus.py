@@ -17,10 +17,10 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import road_of, sides_of, swept
+from hdvplan.reproduce.swept import sides_of, swept
 from hdvplan.road.limits import Limits
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import uturn, uturn_profile
+from hdvplan.road.scenarios import Scenario, uturn, uturn_profile
 from hdvplan.vehicle.load import load_vehicle
 
 # What other curvatures, ramps and smoothness weights do was tried: 0.057 to 0.060 1/m, 15 to 30 m, 1e2 to 1e5.
@@ -88,7 +88,7 @@ def _uturn_figure(previous: Result, proposed: Result) -> Figure:
 def overhang(on_progress: Progress) -> Study:
     """Drive the bus by its rear axle, as [BUS] does, with three rules for what may leave the lane; then up to a hard limit."""
     bus, free = load_vehicle("bus"), PlannerSettings(overhang_cost=0.0)
-    road = road_of("bend", uturn_profile(_CURVATURE, _RAMP_M, angle=0.5 * np.pi))
+    road = Scenario("bend", uturn_profile(_CURVATURE, _RAMP_M, angle=0.5 * np.pi))()
     half, wide = 0.5 * _LANE_M, 0.5 * _SWEEPABLE_M
     found: list[Result] = []
     rows: list[Row] = []

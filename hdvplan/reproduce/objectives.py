@@ -21,8 +21,8 @@ from hdvplan.planning.terms.centring import Reach
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import REFERENCE_STEP_M, area_difference, road_of, sides_of, swept, whole_manoeuvre
-from hdvplan.road.scenarios import uturn_articulated, uturn_profile
+from hdvplan.reproduce.swept import REFERENCE_STEP_M, area_difference, sides_of, swept, whole_manoeuvre
+from hdvplan.road.scenarios import Scenario, uturn_articulated, uturn_profile
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
@@ -113,7 +113,7 @@ def search(vehicle: Vehicle, curvatures: tuple[float, ...] = CURVATURES) -> Sear
     began = process_time()
     scores, cases = np.zeros(len(SHARES)), []
     for curvature in curvatures:
-        road = road_of("uturn", uturn_profile(curvature, 1.0))
+        road = Scenario("uturn", uturn_profile(curvature, 1.0))()
         for number, share in enumerate(SHARES):
             cases.append(Case(road, vehicle, f"art-weighted:{float(share)!r}"))
             scores[number] += abs(area_difference(swept(cases[-1])))

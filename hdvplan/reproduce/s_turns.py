@@ -14,8 +14,8 @@ from hdvplan.centring.stationary import stationary
 from hdvplan.report.style import styled
 from hdvplan.reproduce import published
 from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import road_of, swept, unevenness
-from hdvplan.road.scenarios import sturn_profile
+from hdvplan.reproduce.swept import swept, unevenness
+from hdvplan.road.scenarios import Scenario, sturn_profile
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
@@ -58,7 +58,7 @@ def pair_of(vehicle: Vehicle, curvature: float, sharpness: float) -> list[Case]:
     circle = stationary(vehicle, np.array([curvature]))
     if circle.saturated[0] or circle.kappa[0] > vehicle.max_curvature:
         return []
-    road = road_of("sturn", sturn_profile(curvature, sharpness))
+    road = Scenario("sturn", sturn_profile(curvature, sharpness))()
     return [Case(road, vehicle, objective) for objective in ("geometric-fixed", "geometric")]
 
 

@@ -14,9 +14,7 @@ from hdvplan.case import Case
 from hdvplan.judging.result import Result, result_of
 from hdvplan.planning.objectives import Objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
-from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import Profile
 
 REFERENCE_STEP_M = 0.5  # [GEO]'s
 
@@ -66,8 +64,3 @@ def whole_manoeuvre(road: Road, step: float) -> PlannerSettings:
     length = step * float(np.ceil(road.path.length / step - 1e-9))
     smoothness = PlannerSettings().smoothness * (REFERENCE_STEP_M / step) ** 2
     return PlannerSettings(scheme=Scheme.SQP, horizon=length, replan=length, step=step, smoothness=smoothness)
-
-
-def road_of(name: str, profile: Profile) -> Road:
-    """Return the road of a curvature profile."""
-    return Road(name, from_curvature(*profile))

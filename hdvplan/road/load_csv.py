@@ -18,6 +18,7 @@ from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_deg
 from hdvplan.road.features import unheeded
 from hdvplan.road.leg_lines import in_legs, signs_in
 from hdvplan.road.line import RawRoad
+from hdvplan.texts import is_number
 
 _SEPARATORS = ("\t", ";", "|", ",")  # the first that the header has; decimal commas cannot occur in a header
 _QUOTE = '"'  # which nothing can be separated by
@@ -190,7 +191,7 @@ def _table(text: str, name: str, layout: str = LAYOUTS) -> Table:
     if not titles:
         msg = f"{name} is empty"
         raise RoadError(msg, hint=layout)
-    if all(_is_number(field.replace(",", ".")) for field in titles):
+    if all(is_number(field.replace(",", ".")) for field in titles):
         msg = f"{name}, line {skipped}: the first line must name the columns, found numbers"
         raise RoadError(msg, hint=layout)
     body = csv.reader(("" if line.lstrip().startswith("#") else line for _, line in numbered), delimiter=separator, skipinitialspace=True)
@@ -219,14 +220,6 @@ def _fields(line: str, separator: str) -> list[str]:
     return [field.strip().strip('"').strip() for field in line.strip().split(separator)]
 
 
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return True
-
-
 def _fitted(cells: list[str], titles: list[str], separator: str, where: str) -> list[str]:
     """Return a row as long as the header: empty cells at its end may be more or fewer."""
     given = len(cells)
@@ -250,7 +243,7 @@ def _numbers(table: Table, at: dict[str, int], name: str) -> _Numbers:
             odd = ("." in cell or cell.count(",") > 1 for cell in given)
             found.refuse(key, odd, "{!r} is not a number", shown, hint="use one decimal sign throughout, and nothing between thousands")
         column = [cell.replace(",", ".") for cell in given]
-        found.refuse(key, (not _is_number(cell) for cell in column), "{!r} is not a number", shown)
+        found.refuse(key, (not is_number(cell) for cell in column), "{!r} is not a number", shown)
         values = np.array(column, dtype=float)
         found.refuse(key, ~np.isfinite(values), "{} is not a finite number", shown)
         decimals = [len(cell.partition(".")[2]) for cell in column]

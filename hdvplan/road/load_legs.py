@@ -20,7 +20,7 @@ from hdvplan.road.legs import SAME_M, SHORTEST_M, Leg, Legs
 from hdvplan.road.line import Line, RawLeg, RawRoad, is_closed, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.passages import Line as Axis
-from hdvplan.road.regions import OPEN_M, Kind, Region, refuse_elsewhere
+from hdvplan.road.regions import OPEN_M, Kind, Region, polygons_of, refuse_elsewhere
 
 LeadLine = Callable[[FloatArray, RoadOptions], FloatArray]  # of the line of the last axle (n, 2) [m], as the vehicle heads
 
@@ -117,14 +117,14 @@ def _beyond_edges(raw: RawRoad, legs: tuple[Leg, ...], name: str) -> list[Region
     place = shapely.buffer(lines, OPEN_M)
     driven = shapely.difference(place, shapely.union(_open_at(legs[0], 0), _open_at(legs[-1], 1)))
     parted, found = shapely.union_all([face for one in (place, driven) for face in _parted(edges, one, lines)]), list[Region]()
-    for face in _polygons(parted):
+    for face in polygons_of(parted):
         names = dict.fromkeys(
             label or _EDGE for edge, label in zip(edges, raw.edge_names, strict=True) if shapely.dwithin(edge, face, SAME_M)
         )
-        found += [Region(Kind.OBSTACLE, part, ", ".join(names)) for part in _polygons(_without(face, areas))]
+        found += [Region(Kind.OBSTACLE, part, ", ".join(names)) for part in polygons_of(_without(face, areas))]
     for edge, label in zip(edges, raw.edge_names, strict=True):
         ends = shapely.difference(shapely.intersection(edge, place), shapely.buffer(shapely.union(parted, areas), SAME_M))
-        walls = [wall for part in shapely.get_parts(ends) if shapely.length(part) > SAME_M for wall in _polygons(_thick(part, lines))]
+        walls = [wall for part in shapely.get_parts(ends) if shapely.length(part) > SAME_M for wall in polygons_of(_thick(part, lines))]
         found += [Region(Kind.OBSTACLE, wall, label or _EDGE) for wall in walls]
     return found
 
@@ -165,10 +165,6 @@ def _without(face: shapely.Geometry, areas: shapely.Geometry) -> shapely.Geometr
     return shapely.buffer(shapely.buffer(left, -0.5 * _AREA_M, join_style="mitre"), 0.5 * _AREA_M, join_style="mitre")
 
 
-def _polygons(area: shapely.Geometry) -> list[shapely.Polygon]:
-    return [part for part in shapely.get_parts(area).tolist() if isinstance(part, shapely.Polygon) and not part.is_empty]
-
-
 def _thick(edge: shapely.LineString, lines: shapely.Geometry) -> shapely.Geometry:
     """Return an edge as thin as a wall: on the side of it that lies away from the lines of the legs."""
     sides = [shapely.buffer(one, _WALL_M, single_sided=True, join_style="mitre") for one in (edge, shapely.reverse(edge))]
@@ -188,6 +184,6 @@ def within(leg: Leg, regions: tuple[Region, ...]) -> Leg:
     cut, found = shapely.buffer(beyond, _CUT_M, cap_style="flat"), list[Region]()
     for region in regions:
         across = shapely.intersects(region.polygon, beyond) and not shapely.intersects(region.polygon, axis.own)
-        parts = _polygons(shapely.difference(region.polygon, cut)) if across else [region.polygon]
+        parts = polygons_of(shapely.difference(region.polygon, cut)) if across else [region.polygon]
         found += [replace(region, polygon=part) for part in parts]
     return replace(leg, road=replace(leg.road, regions=tuple(found)))

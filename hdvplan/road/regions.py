@@ -52,6 +52,11 @@ def called(label: str) -> str:
     return f"the obstacle {label!r}" if label else "an obstacle"
 
 
+def polygons_of(geometry: shapely.Geometry) -> list[shapely.Polygon]:
+    """Return the polygons in a geometry, however deep they lie; lines and points that repairs left over are dropped."""
+    return [part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon) and not part.is_empty]
+
+
 def refuse_elsewhere(regions: tuple[Region, ...], path: ReferencePath) -> None:
     """Refuse regions none of which lies near a road: wrong coordinates would go unnoticed, and nothing be in the way.
 

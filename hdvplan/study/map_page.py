@@ -12,11 +12,10 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import shapely
-from jinja2 import Environment
 
 from hdvplan.answers import NO, WORDS, YES
 from hdvplan.fileio import write_atomically
-from hdvplan.report.html import page_part, script_json
+from hdvplan.report.html import page_part, page_template, script_json
 from hdvplan.texts import encoded
 from hdvplan.version import __version__
 
@@ -24,6 +23,7 @@ MOST_PLACES = 5000  # shown, in the ranking's order; the files hold all
 MOST_ROADS = 3000
 MOST_COURSES = 100_000  # of road, vehicle and width, by which lines are coloured
 MOST_CHOICES = 100  # widths, and vehicles, of the table and the filters; others are found by words
+_PACKAGE = "hdvplan.study"  # of the page's files
 _DIGITS = 5  # of degrees: a metre
 _SHOWN = (
     "rank", "worst_rank", "widening_m", "widening_m2", "vehicles", "roads", "half_width_m", "left_m", "right_m", "road", "s_m", "lon",
@@ -53,28 +53,24 @@ def write_page(path: Path, cells: Path, ranking: pd.DataFrame, date: str) -> Non
         "courses": _courses(gathered, {gathered.roads[name]: number for number, name in enumerate(placed)}),
         "places": [_place(row) for row in ranking.head(MOST_PLACES)[list(_SHOWN)].to_dict("records")],
     }
-    page = (
-        Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        .from_string(_part("study.html.j2"))
-        .render(
-            version=__version__,
-            style=page_part("report.css") + _part("study.css"),
-            script=_part("study.js"),
-            data=script_json(data),
-            date=date[:10],
-            cells=gathered.cells,
-            roads=len(gathered.roads),
-            vehicles=list(gathered.vehicles)[:MOST_CHOICES],
-            widths=list(gathered.widths)[:MOST_CHOICES],
-            count=len(gathered.vehicles),
-            matrix=_matrix(gathered),
-            nowhere=len(gathered.roads) - len(gathered.placed),
-            roads_left=len(gathered.placed) - len(placed),
-            places_left=max(0, len(ranking) - MOST_PLACES),
-            found=len(ranking),
-            notices=sorted(gathered.notices),
-            unanswered=gathered.unanswered,
-        )
+    page = page_template("study.html.j2", _PACKAGE).render(
+        version=__version__,
+        style=page_part("report.css") + page_part("study.css", _PACKAGE),
+        script=page_part("study.js", _PACKAGE),
+        data=script_json(data),
+        date=date[:10],
+        cells=gathered.cells,
+        roads=len(gathered.roads),
+        vehicles=list(gathered.vehicles)[:MOST_CHOICES],
+        widths=list(gathered.widths)[:MOST_CHOICES],
+        count=len(gathered.vehicles),
+        matrix=_matrix(gathered),
+        nowhere=len(gathered.roads) - len(gathered.placed),
+        roads_left=len(gathered.placed) - len(placed),
+        places_left=max(0, len(ranking) - MOST_PLACES),
+        found=len(ranking),
+        notices=sorted(gathered.notices),
+        unanswered=gathered.unanswered,
     )
     write_atomically(path, encoded(page))
 
@@ -154,7 +150,3 @@ def _place(row: Mapping[Any, Any]) -> Json:
     return {"width": width} | {
         name: round(value, digits[name] or 2) if isinstance(value, float) else value for name, value in there.items()
     }
-
-
-def _part(name: str) -> str:
-    return (Path(__file__).parent / "page" / name).read_text(encoding="utf-8")

@@ -18,10 +18,10 @@ from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance, tracing_points
 from hdvplan.planning.terms.term import Part, Scene
-from hdvplan.reproduce.swept import predicted, road_of, unevenness, whole_manoeuvre
+from hdvplan.reproduce.swept import predicted, unevenness, whole_manoeuvre
 from hdvplan.reproduce.swept import swept as swept_by
 from hdvplan.road.road import Road
-from hdvplan.road.scenarios import sturn_profile, turn_profile
+from hdvplan.road.scenarios import Scenario, sturn_profile, turn_profile
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -29,7 +29,7 @@ from tests.core.scenes import extended, horizon_at, move, part_of
 
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
-ROAD = road_of("sturn", sturn_profile(0.05, 0.01))
+ROAD = Scenario("sturn", sturn_profile(0.05, 0.01))()
 RTI = PlannerSettings()
 
 
@@ -168,7 +168,7 @@ def test_the_program_never_underrates_what_a_step_costs(vehicle: Vehicle) -> Non
 
 @each_vehicle
 def test_a_circle_is_swept_as_the_stationary_geometry_says(vehicle: Vehicle) -> None:
-    road = road_of("circle", turn_profile(0.04, 10.0, 150.0, lead_in=20.0, lead_out=20.0))
+    road = Scenario("circle", turn_profile(0.04, 10.0, 150.0, lead_in=20.0, lead_out=20.0))()
     found = swept(road, vehicle, balanced, RTI)
     expected = CentringTable.of(vehicle).at(np.array([0.04]))
     middle = (found.envelope.s > 100.0) & (found.envelope.s < 130.0)

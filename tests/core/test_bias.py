@@ -12,9 +12,9 @@ from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.bias import Bias, bias_named, shifted
 from hdvplan.planning.objectives import Objective, balanced, body_max, geometric, geometric_fixed, lead_axle
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.reproduce.swept import road_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.road import Road
+from hdvplan.road.scenarios import Scenario
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 
@@ -23,7 +23,7 @@ MIDDLE = slice(240, 360)  # 60 to 90 m of 150 m, every 0.25 m
 
 
 def constant_road(curvature: float) -> Road:
-    return road_of("constant", ((0.0, 150.0), (curvature, curvature)))
+    return Scenario("constant", ((0.0, 150.0), (curvature, curvature)))()
 
 
 def run(road: Road, name: str, bias: Bias, objective: Objective = geometric) -> tuple[Drive, Envelope]:
