@@ -1,4 +1,4 @@
-"""The types of arrays and records, lengths along polylines, and extremes over windows."""
+"""The types of arrays and records, lengths along polylines, runs and repeats, and extremes over windows."""
 
 from __future__ import annotations
 
@@ -16,6 +16,17 @@ Records = NDArray[np.void]  # a structured array; every module that makes one na
 def chord_of(points: FloatArray) -> FloatArray:
     """Return the length along a polyline at its points [m]."""
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+
+
+def runs_of(flags: BoolArray) -> IntArray:
+    """Return for every run of true values the number of its first and of the entry behind its last, (n, 2)."""
+    return np.flatnonzero(np.diff(flags.astype(int), prepend=0, append=0)).reshape(-1, 2)
+
+
+def counted_up(counts: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the number of every entry as often as its count says, and beside each the number of the repeat, from 0."""
+    of = np.repeat(np.arange(len(counts)), counts)
+    return of, np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def running(pick: Callable[[FloatArray, FloatArray], FloatArray], values: FloatArray, behind: int, ahead: int) -> FloatArray:

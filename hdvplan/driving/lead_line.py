@@ -11,7 +11,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, chord_of
 from hdvplan.errors import RoadError
 from hdvplan.road.options import REFERENCE_SLACK, RoadOptions
 from hdvplan.road.smooth import smooth_line
@@ -68,7 +68,7 @@ def _followed(coupling: FloatArray, lever: float) -> FloatArray:
         RoadError: the body would stand across its coupling's path.
 
     """
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coupling, axis=0).T))])
+    s = chord_of(coupling)
     spline = CubicSpline(s, coupling)
     x, y = spline(s, 1).T
     along: FloatArray = np.unwrap(np.arctan2(y, x))

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from hdvplan import core
-from hdvplan.arrays import BoolArray, FloatArray, Records, running
+from hdvplan.arrays import BoolArray, FloatArray, Records, running, runs_of
 from hdvplan.driving.drive import Drive
 from hdvplan.road.path import ReferencePath
 
@@ -169,5 +169,4 @@ def _use(s: FloatArray, share: FloatArray) -> Use:
 
 
 def _stretches(s: FloatArray, wanted: BoolArray) -> tuple[tuple[float, float], ...]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(int)))
-    return tuple((float(s[begin]), float(s[end - 1])) for begin, end in zip(edges[::2], edges[1::2], strict=True))
+    return tuple((float(s[begin]), float(s[end - 1])) for begin, end in runs_of(wanted))

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from hdvplan import core
-from hdvplan.arrays import FloatArray, Records
+from hdvplan.arrays import FloatArray, Records, runs_of
 from hdvplan.judging.straying import SPACING_M
 
 ROUNDED_M = 1e-4  # an error is found to this
@@ -64,7 +64,7 @@ class Tracked:
         wanted &= ~self._followed
         if not np.any(wanted):
             return False
-        for begin, beyond in np.flatnonzero(np.diff(wanted, prepend=False, append=False)).reshape(-1, 2):
+        for begin, beyond in runs_of(wanted):
             _gains(core.address(self._little.record), begin, beyond)
         self._followed |= wanted
         _stray(core.address(self.record), int(np.argmax(wanted)), len(wanted) - int(np.argmax(wanted[::-1])))

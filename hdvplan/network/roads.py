@@ -10,7 +10,7 @@ from itertools import groupby
 
 import numpy as np
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, chord_of
 from hdvplan.errors import OptionError
 from hdvplan.fileio import json_bytes
 from hdvplan.lengths import METRES
@@ -163,7 +163,7 @@ def _lonlat(part: Part, places: Places) -> FloatArray:
 
 def _lengths(lonlat: FloatArray) -> FloatArray:
     """Return the length along a line at its vertices, in the plane in which hdvplan will load it [m]."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(to_plane(lonlat).points, axis=0).T))])
+    return chord_of(to_plane(lonlat).points)
 
 
 def _sections(part: Part, s: FloatArray, widths: Widths) -> list[_Section]:

@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, runs_of
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.result import Result, body_name
@@ -88,11 +88,9 @@ def region_feature(region: Region, road: Road, common: Json) -> Json:
 
 def swept_area(path: ReferencePath, s: FloatArray, left: FloatArray, right: FloatArray) -> BaseGeometry:
     """Return the plane area [m] between signed offsets ``left`` and ``right`` [m] at ``s`` [m]; NaN where nothing was swept."""
-    swept = np.isfinite(left) & np.isfinite(right)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], swept, [False]]).astype(int)))
     length = max(1, round(CHUNK_M / (s[1] - s[0])))
     pieces = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in runs_of(np.isfinite(left) & np.isfinite(right)):
         for first in range(begin, end - 1, length):
             part = slice(first, min(first + length + 1, end))  # neighbours share a cross-section
             outline = np.concatenate([_points(path, s[part], left[part]), _points(path, s[part], right[part])[::-1]])

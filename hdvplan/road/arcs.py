@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy  # its subpackages load when they are first used
 
-from hdvplan.arrays import BoolArray, FloatArray, IntArray
+from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up, runs_of
 
 _GAP_M = 2e-3  # within which two points are one place
 _KINK = 4e-3  # [rad]
@@ -37,8 +37,8 @@ def rounded(points: FloatArray, heading: FloatArray, curvature: FloatArray) -> F
         moved |= (u > u[at] - reach[at]) & (u < u[at + 1] + reach[at])
     state = np.stack([np.cos(heading), np.sin(heading)], axis=1), curvature[:, None] * np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     line = points.copy()
-    for first, last in _runs(moved):
-        ends = [max(first - 1, 0), min(last + 1, len(points) - 1)]
+    for first, behind in runs_of(moved).tolist():
+        ends = [max(first - 1, 0), min(behind, len(points) - 1)]
         given = np.stack([np.stack([points[end], state[0][end], state[1][end]]) for end in ends])
         line[ends[0] : ends[1] + 1] = scipy.interpolate.BPoly.from_derivatives(u[ends], given)(u[ends[0] : ends[1] + 1])
     return line
@@ -47,12 +47,6 @@ def rounded(points: FloatArray, heading: FloatArray, curvature: FloatArray) -> F
 def wrapped(angle: FloatArray) -> FloatArray:
     """Return angles between -pi and pi."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi
-
-
-def _runs(flags: BoolArray) -> list[tuple[int, int]]:
-    """Return first and last number of every run of true values."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return [(int(first), int(last) - 1) for first, last in ends.reshape(-1, 2)]
 
 
 def biarcs(
@@ -115,8 +109,8 @@ def sampled(pieces: FloatArray, sagitta: float) -> tuple[FloatArray, IntArray, F
     turn = np.sum(np.abs(pieces[..., 4]) * length, axis=1)
     steps = np.maximum(np.ceil(length * np.sqrt(np.abs(pieces[..., 4]) / (8.0 * sagitta))).astype(int), length > _ROUNDING_M)
     steps[whole * turn < 8.0 * sagitta] = [1] + [0] * (pieces.shape[1] - 1)
-    of = np.repeat(np.arange(steps.size), steps.ravel())
-    share = (np.arange(len(of)) - np.repeat(np.cumsum(steps) - steps.ravel(), steps.ravel())) / steps.ravel()[of]
+    of, step = counted_up(steps.ravel())
+    share = step / steps.ravel()[of]
     flat = pieces.reshape(-1, 5)[of]
     s = share * flat[:, 3]
     half = 0.5 * s * flat[:, 4]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import scipy  # its subpackages load when they are first used
 
-from hdvplan.arrays import BoolArray, FloatArray, IntArray
+from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up
 from hdvplan.errors import RoadError
 from hdvplan.road.about import About
 from hdvplan.road.crs import ELSEWHERE_HINT
@@ -178,9 +178,8 @@ def densely(edge: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return a line's points with others in between, and which piece of the line begins at each of them."""
     step = np.diff(edge, axis=0)
     counts = np.maximum(np.ceil(np.hypot(*step.T) / _LOCATED_M).astype(np.int64), 1)
-    piece = np.repeat(np.arange(len(step)), counts)
-    part = (np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[piece]
-    return np.vstack([edge[piece] + part[:, None] * step[piece], edge[-1:]]), np.append(piece, len(step))
+    piece, part = counted_up(counts)
+    return np.vstack([edge[piece] + (part / counts[piece])[:, None] * step[piece], edge[-1:]]), np.append(piece, len(step))
 
 
 def _runs(left_out: BoolArray, *, ring: bool) -> list[IntArray]:

@@ -18,7 +18,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
-from hdvplan.arrays import BoolArray, FloatArray, IntArray
+from hdvplan.arrays import BoolArray, FloatArray, IntArray, chord_of, counted_up, runs_of
 
 _MITRE = 2.0  # of the width: further out the mitre is cut square
 _CHORD_M = 1e-3  # that points of a kerb may be left out
@@ -129,8 +129,7 @@ def _offset(points: FloatArray, number: FloatArray, sharp: BoolArray, reach: Flo
     y_mitre = np.minimum(1.0 / np.maximum(y_leg, 1e-9), _MITRE)
     x_mitre = (1.0 - y_mitre * y_leg) / np.where(np.abs(x_leg) > 1e-9, x_leg, 1.0)  # noqa: PLR2004 -- straight on
     parts = np.where(sharp, np.where(reach * half < 0.0, 4, 2), 1)
-    of = np.repeat(np.arange(len(points)), parts)
-    part = np.arange(len(of)) - np.repeat(np.cumsum(parts) - parts, parts)
+    of, part = counted_up(parts)
     back = np.where(2 * part < parts[of] - 1, 1.0, -1.0)
     leg = (parts[of] > 1) & ((part == 0) | (part == parts[of] - 1))
     x = back * np.where(leg, x_leg[of], np.where(parts[of] > 1, x_mitre[of], 0.0))
@@ -158,10 +157,9 @@ def _between(places: FloatArray, numbers: FloatArray, first: float, last: float)
 
 def _trimmed(raw: _Raw, far: float) -> list[tuple[FloatArray, FloatArray, IntArray]]:
     """Return the parts of the offset line without its loops: points, numbers, and which of its points are inside corners."""
-    flags = np.diff(raw.folded.astype(int), prepend=0, append=0)
     cuts: list[_Cut] = []
-    for fold in zip(np.flatnonzero(flags > 0).tolist(), (np.flatnonzero(flags < 0) - 1).tolist(), strict=True):
-        cut = _cut(raw, *fold, far)
+    for begin, behind in runs_of(raw.folded).tolist():
+        cut = _cut(raw, begin, behind - 1, far)
         while cuts and cuts[-1].end >= cut.begin:  # their loops share a stretch: they are one
             before = cuts.pop()
             if before.number is None or cut.number is None:
@@ -216,7 +214,7 @@ def _cut(raw: _Raw, first: int, last: int, far: float) -> _Cut:
     line, reach = shapely.LineString(raw.line[around]), np.abs(raw.reach)
     if not looped and shapely.distance(shapely.Point(across), line) > min(reach[first], reach[last + 1]) - _WITHIN_M:
         return _Cut(first, last, first, last, raw.number[first])
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(raw.points[around], axis=0).T))])
+    along = chord_of(raw.points[around])
     where = np.interp(np.arange(0.0, along[-1], _SEEN_M), along, np.arange(low, high + 1))
     places = np.stack([np.interp(where, np.arange(len(reach)), column) for column in (*raw.points.T, reach)], axis=1)
     on = where[shapely.distance(shapely.points(places[:, :2]), line) > places[:, 2] - _WITHIN_M]
@@ -257,7 +255,7 @@ def _rounded(
     places: FloatArray, numbers: FloatArray, corners: IntArray, radius: float, ends: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the kerb with its points ``corners`` rounded, each within half the way to the next one, or the way to the numbers ``ends``."""
-    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    s = chord_of(places)
     low, high = np.interp(ends, numbers, s)
     limits = np.concatenate([[low], 0.5 * (s[corners[1:]] + s[corners[:-1]]), [high]])
     line = shapely.LineString(places)

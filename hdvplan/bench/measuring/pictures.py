@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hdvplan.arrays import BoolArray, FloatArray
+from hdvplan.arrays import BoolArray, FloatArray, runs_of
 from hdvplan.bench.measuring.directory import read_record, read_table
 from hdvplan.bench.measuring.ranking import ranked_times, unit_of
 from hdvplan.bench.suite import COURSE, KEY
@@ -139,8 +139,7 @@ def _along(axes: Axes, shown: Pictured) -> None:
 def _stretches(one: Along) -> list[tuple[float, float]]:
     """Return where limits bind, from half-way to the step before to half-way to the step behind [m]."""
     middles = np.concatenate([one.s[:1], 0.5 * (one.s[1:] + one.s[:-1]), one.s[-1:]])
-    edges = np.flatnonzero(np.diff(np.r_[0, one.binding.astype(int), 0]))
-    return [(float(middles[begin]), float(middles[end])) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
+    return [(float(middles[begin]), float(middles[end])) for begin, end in runs_of(one.binding)]
 
 
 def _accuracy(axes: Axes, shown: Pictured) -> None:
