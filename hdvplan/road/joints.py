@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, chord_of
 from hdvplan.errors import RoadError
 from hdvplan.road.arcs import wrapped
 from hdvplan.road.legs import SAME_M, Leg
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Road
-from hdvplan.road.splines import equal_arclengths
+from hdvplan.road.splines import carried, equal_arclengths
 
 LARGEST_BREAK = np.deg2rad(15.0)  # of two lines drawn by hand; of more one of them is meant otherwise
 _WRONG_WAY = np.deg2rad(120.0)  # from which on a direction is wrong, not a line
@@ -132,20 +132,14 @@ def _moved(road: Road, low: _End, high: _End) -> Road:
         points += (np.tan(turn) * blend * (u - 6.0 * u**3 + 8.0 * u**4 - 3.0 * u**5))[:, None] * normal
     moved, along = _through(points, (float(here.heading[0]) + low.turn, float(here.heading[-1]) + high.turn))
     about = None if road.about is None else replace(road.about, s=np.interp(road.about.s, s, along))
-    drawn = None if road.drawn is None else tuple(replace(kerb, s=_beyond(kerb.s, s, along)) for kerb in road.drawn)
+    drawn = None if road.drawn is None else tuple(replace(kerb, s=carried(kerb.s, s, along)) for kerb in road.drawn)
     there = replace(road, path=moved, about=about)
     return there if drawn is None else there.with_kerbs(drawn)
 
 
-def _beyond(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
-    """Return arclengths on a moved line; beyond its ends both run alike."""
-    moved: FloatArray = np.interp(at, s, along) + np.minimum(at - s[0], 0.0) + np.maximum(at - s[-1], 0.0)
-    return moved
-
-
 def _through(points: FloatArray, headings: tuple[float, float]) -> tuple[ReferencePath, FloatArray]:
     """Return the path through dense points (n, 2) [m] with these headings at its ends [rad], and the points' arclengths on it [m]."""
-    chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    chord = chord_of(points)
     first, last = (np.array([np.cos(heading), np.sin(heading)]) for heading in headings)
     spline = CubicSpline(chord, points, bc_type=((1, first), (1, last)))
     parameters, s = equal_arclengths(spline, KNOT_SPACING_M)

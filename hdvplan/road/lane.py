@@ -11,6 +11,7 @@ from hdvplan.errors import RoadError
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_samples
 from hdvplan.road.road import Road
+from hdvplan.road.splines import carried
 
 _TIGHTEST = 0.5  # of the moved line [1/m]; at the centre of curvature it would be infinite
 _SPACING_M = 0.25  # of the moved line's knots, before stretching
@@ -77,14 +78,8 @@ def offset_road(road: Road, offset: float) -> Road:
         corners = tuple(one._replace(s=float(np.interp(one.s, s, along))) for one in about.corners)
         about = replace(about, s=np.interp(about.s, s, along), offset=about.offset + offset, corners=corners)
     if drawn is not None:
-        drawn = tuple(replace(kerb, s=_along(kerb.s, s, along)) for kerb in drawn)
+        drawn = tuple(replace(kerb, s=carried(kerb.s, s, along)) for kerb in drawn)
     return replace(road, path=moved, smoothing=smoothing, about=about).within(limits, drawn)
-
-
-def _along(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
-    """Return arclengths on the moved line; beyond its ends both run alike."""
-    moved: FloatArray = np.interp(at, s, along) + np.minimum(at - s[0], 0.0) + np.maximum(at - s[-1], 0.0)
-    return moved
 
 
 def _refuse_outside(limits: Limits, offset: float) -> None:

@@ -23,7 +23,7 @@ from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.points import densified, shares, smoothing_lengths, vertex_of
 from hdvplan.road.pursuit import pursued
 from hdvplan.road.road import Smoothing
-from hdvplan.road.splines import FEWEST_CELLS, check_length, equal_arclengths, path_through, spline_through
+from hdvplan.road.splines import FEWEST_CELLS, carried, check_length, equal_arclengths, path_through, spline_through
 
 _DEVIATIONS_M = (5.0, 10.0, 20.0)  # that are tried one after the other where nobody says how far a line may be moved
 _DRIVEN_SHARE, _DRIVEN_EXCESS = 0.9, 1.5  # of the curvature: of a drive along a line, and where two are made one or moved to an end
@@ -230,16 +230,10 @@ def _settled(
         if stations.closed:
             moved, s_old = np.vstack([moved, moved[:1]]), np.append(s_old, stations.length)
         line, s_new = _resampled(moved, _STATION_M, closed=stations.closed)
-        s = _carried(s, s_old, s_new)
+        s = carried(s, s_old, s_new)
     at = _corner(data, u, e)
     msg = f"no line found within {max_deviation:.2f} m of the points near s = {at:.0f} m with a radius of {1 / max_curvature:.1f} m"
     raise RoadError(msg, s_m=at, hint="allow more with --smooth, or remove the points that make the line turn so sharply")
-
-
-def _carried(s: FloatArray, s_old: FloatArray, s_new: FloatArray) -> FloatArray:
-    """Return arclengths on the new line; beyond the ends they keep their distance from them."""
-    inside = np.clip(s, s_old[0], s_old[-1])
-    return np.interp(inside, s_old, s_new) + (s - inside)
 
 
 def _corner(data: FloatArray, u: FloatArray, e: FloatArray) -> float:

@@ -45,6 +45,12 @@ def equal_arclengths(spline: CubicSpline[np.float64], spacing: float) -> tuple[F
     return np.clip(inverse(uniform), 0.0, spline.x[-1]), s
 
 
+def carried(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
+    """Return arclengths ``at`` of a line on a moved one, on which its ``s`` are ``along``; beyond the ends both run alike [m]."""
+    inside = np.clip(at, s[0], s[-1])
+    return np.interp(inside, s, along) + (at - inside)
+
+
 def path_through(points: FloatArray, max_curvature: float) -> tuple[ReferencePath, FloatArray] | None:
     """Return the path through dense points of a line without kinks, which stays where it is, and their arclengths on it.
 
