@@ -13,9 +13,8 @@ from hdvplan.cli.completion import one_of
 from hdvplan.cli.console import note, progress, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.legs import LAST, LEAD, finish, legs_in
-from hdvplan.cli.lengthy import plan_long
 from hdvplan.cli.options import Output, RoadArgument, Room, VehiclesOption, check_folder, file_name
-from hdvplan.cli.outcome import cleared, compare, exit_code_of, looked_again, tell, write
+from hdvplan.cli.outcome import cleared, compare, exit_code_of, looked_again, plan_long, tell, write
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import LARGEST, PlannerSettings, PlanOptions

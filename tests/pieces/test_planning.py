@@ -15,7 +15,7 @@ import shapely
 import hdvplan
 from hdvplan.answers import NO, YES, worded
 from hdvplan.case import Case
-from hdvplan.cli.lengthy import _exit_code, _warn_of_steps
+from hdvplan.cli.outcome import long_exit_code, warn_of_steps
 from hdvplan.errors import HdvplanError, OptionError, PlanError, RoadError
 from hdvplan.judging.result import Result
 from hdvplan.pieces import pieces_of, planned
@@ -233,7 +233,7 @@ def test_an_error_on_a_long_road_names_the_obstacle_and_else_what_decides(capsys
         ([], kept),
     ]
     for breaches, said in cases:
-        assert _exit_code({"verdict": {"fits": False, "text": worded(NO, kept)}, "breaches": breaches}) == 1
+        assert long_exit_code({"verdict": {"fits": False, "text": worded(NO, kept)}, "breaches": breaches}) == 1
         assert capsys.readouterr().err.startswith(f"error: {said}\nhint: summary.json ")
 
 
@@ -259,10 +259,10 @@ def test_what_is_refused_on_a_short_road_is_refused_on_a_long_one(cli: Cli, opti
 
 def test_an_obstacle_that_is_entered_is_no_limit_and_steps_without_a_plan_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     breach = {"part": "front left corner", "unit": "bus", "side": "left", "depth_m": 0.25, "s_deepest": 60_000.0, "obstacle": "van"}
-    assert _exit_code({"verdict": {"fits": False}, "breaches": [breach], "status": "limits broken"}) == 1
+    assert long_exit_code({"verdict": {"fits": False}, "breaches": [breach], "status": "limits broken"}) == 1
     assert "enters the obstacle 'van' by 0.250 m at s = 60000.0 m" in capsys.readouterr().err
     steps = {"rescued_steps": [{"s_m": 5.0, "why": "it raised"}], "failed_steps": [7.0, 9.0], "plans": 10, "solver": "osqp"}
-    _warn_of_steps(steps, quiet=False)
+    warn_of_steps(steps, quiet=False)
     assert capsys.readouterr().err.splitlines() == [
         "warning: osqp failed in 1 of 10 planning steps, first at s = 5.0 m: it raised",
         "warning: 2 of 10 planning steps were not solved, first at s = 7.0 m: the vehicle followed the last plan",
