@@ -1,4 +1,4 @@
-"""The types of arrays and records, lengths along polylines, runs and repeats, and extremes over windows."""
+"""The types of arrays and records, lengths along lines, runs and repeats, and extremes over windows."""
 
 from __future__ import annotations
 
@@ -16,6 +16,12 @@ Records = NDArray[np.void]  # a structured array; every module that makes one na
 def chord_of(points: FloatArray) -> FloatArray:
     """Return the length along a polyline at its points [m]."""
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+
+
+def carried(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
+    """Return arclengths ``at`` of a line on a moved one, on which its ``s`` are ``along``; beyond the ends both run alike [m]."""
+    inside = np.clip(at, s[0], s[-1])
+    return np.interp(inside, s, along) + (at - inside)
 
 
 def runs_of(flags: BoolArray) -> IntArray:

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hdvplan.arrays import FloatArray, chord_of
+from hdvplan.arrays import FloatArray, carried, chord_of
 from hdvplan.errors import RoadError
 from hdvplan.road.arcs import wrapped
 from hdvplan.road.legs import SAME_M, Leg
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Road
-from hdvplan.road.splines import carried, equal_arclengths
+from hdvplan.road.splines import equal_arclengths
 
 LARGEST_BREAK = np.deg2rad(15.0)  # of two lines drawn by hand; of more one of them is meant otherwise
 _WRONG_WAY = np.deg2rad(120.0)  # from which on a direction is wrong, not a line

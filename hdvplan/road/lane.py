@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, carried
 from hdvplan.errors import RoadError
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_samples
 from hdvplan.road.road import Road
-from hdvplan.road.splines import carried
 
 _TIGHTEST = 0.5  # of the moved line [1/m]; at the centre of curvature it would be infinite
 _SPACING_M = 0.25  # of the moved line's knots, before stretching

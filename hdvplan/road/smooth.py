@@ -15,15 +15,24 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from hdvplan.arrays import FloatArray, chord_of
+from hdvplan.arrays import FloatArray, carried, chord_of
 from hdvplan.errors import ProjectionError, RoadError
 from hdvplan.road.checks import MIN_LENGTH_M
 from hdvplan.road.offsets import Stations, program_of, solve_offsets
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
-from hdvplan.road.points import densified, shares, smoothing_lengths, vertex_of
-from hdvplan.road.pursuit import pursued
 from hdvplan.road.road import Smoothing
-from hdvplan.road.splines import FEWEST_CELLS, carried, check_length, equal_arclengths, path_through, spline_through
+from hdvplan.road.splines import (
+    FEWEST_CELLS,
+    check_length,
+    densified,
+    equal_arclengths,
+    path_through,
+    pursued,
+    shares,
+    smoothing_lengths,
+    spline_through,
+    vertex_of,
+)
 
 _DEVIATIONS_M = (5.0, 10.0, 20.0)  # that are tried one after the other where nobody says how far a line may be moved
 _DRIVEN_SHARE, _DRIVEN_EXCESS = 0.9, 1.5  # of the curvature: of a drive along a line, and where two are made one or moved to an end

@@ -18,10 +18,9 @@ from hdvplan.judging.bodies import corners
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.options import RoadOptions
-from hdvplan.road.pursuit import pursued
 from hdvplan.road.road import Road
 from hdvplan.road.smooth import smooth_line
-from hdvplan.road.splines import path_through
+from hdvplan.road.splines import path_through, pursued
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
