@@ -26,11 +26,11 @@ from hdvplan.judging.tracking import Tracking
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.grid import markdown_table
+from hdvplan.report.kerbs import tubes_of
 from hdvplan.report.layers import drawn_features
 from hdvplan.report.maps import around, draw_features, draw_tube, finish_map, frame, reach_within, stations
 from hdvplan.report.rooms import Window
 from hdvplan.report.style import ON_WHITE, figure_bytes, styled
-from hdvplan.report.tube import tubes_of
 
 VEHICLES = ("bus", "tractor-trailer")
 ROOM_M = 0.6

@@ -268,7 +268,7 @@ def _drawn(need: Need, shown: Result, kind: str) -> bytes:
     features, lines = need_features(need, shown), need_lines(need)
     if kind in DRAWINGS:
         return drawing_bytes(shown, kind, features, lines)
-    from hdvplan.report.need_plots import need_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+    from hdvplan.report.atlas import need_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
     return figure_bytes(need_figure(shown, features, lines, 0.0 if need.place is None else need.place.s, fits=need.fits), kind)

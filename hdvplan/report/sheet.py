@@ -24,11 +24,11 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line, verdict_of
 from hdvplan.report.colours import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_view
+from hdvplan.report.kerbs import tubes_of
 from hdvplan.report.layers import LONLAT_CODE, Drawn, drawn_features, map_system
 from hdvplan.report.paper import MM_IN, MM_PT, PAPERS_MM, STAMP_MM, Box, Page, SheetOptions, Size, layout, map_mm, pages_of, places_on
 from hdvplan.report.sheetmap import draw_field, draw_inset, draw_key, places_of
 from hdvplan.report.style import styled
-from hdvplan.report.tube import tubes_of
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 

@@ -20,10 +20,10 @@ from hdvplan.need.answer import need_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.colours import answer_colour
 from hdvplan.report.compared import answer_rows
+from hdvplan.report.kerbs import tubes_of
 from hdvplan.report.needs import need_json, need_lines
 from hdvplan.report.plots import plan_figure
 from hdvplan.report.summary import tracking_json, verdict_json
-from hdvplan.report.tube import tubes_of
 from hdvplan.road.road import Road
 
 
