@@ -9,9 +9,8 @@ import typer
 
 from hdvplan.bench import PICTURE
 from hdvplan.bench.suite import Suite, read_suite, suite_of
-from hdvplan.cli.baselines import gate, hold_to, measured
 from hdvplan.cli.bench_options import BenchFiles, BenchOptions, Decision, Report
-from hdvplan.cli.compare import DECISION, told_to_programs
+from hdvplan.cli.compare import DECISION, gate, hold_to, measured, told_to_programs
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, rows_json, warn, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.settings import OptionsOf, with_settings

@@ -19,7 +19,7 @@ from hdvplan.bench.comparing.checkout import Checkout, checkout, copy_tree
 from hdvplan.bench.comparing.environment import Base, base_named, base_program, new_program
 from hdvplan.bench.comparing.processes import Ended, Scratch
 from hdvplan.bench.comparing.programs import Program, ProgramError
-from hdvplan.cli.baselines import _cannot_write
+from hdvplan.cli.compare import _cannot_write
 from hdvplan.errors import OptionError
 from hdvplan.signals import ended_by_signals
 from tests.bench.conftest import Cli, git
