@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from hdvplan.cli.surroundings import interruption_noted
+from hdvplan.cli.app import interruption_noted
 
 
 class _Interrupted:
