@@ -11,10 +11,22 @@ import shapely
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.beside import Beside, label_of
 from hdvplan.road.checks import Unit, refuse_no_street
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
-from hdvplan.road.features import LINES, Choice, Feature, Json, coordinates_of, flat, is_finite, parts_of, role_of, unheeded
+from hdvplan.road.features import (
+    LINES,
+    Beside,
+    Choice,
+    Feature,
+    Json,
+    coordinates_of,
+    flat,
+    is_finite,
+    label_of,
+    parts_of,
+    role_of,
+    unheeded,
+)
 from hdvplan.road.leg_lines import legs_among
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import Corners
