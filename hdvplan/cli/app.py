@@ -229,7 +229,7 @@ def give_matplotlib_a_folder() -> None:
     os.environ.pop("MPLBACKEND", None)  # for windows: files need none, and one that is not installed here ends the import
     if "MPLCONFIGDIR" in os.environ or sys.platform == "win32" or _usual_are_writable():
         return
-    from hdvplan.temporary import temporary_folder
+    from hdvplan.process import temporary_folder
 
     folder = temporary_folder("matplotlib")
     if folder is not None:

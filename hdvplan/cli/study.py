@@ -100,7 +100,7 @@ def study(
     from hdvplan.study.spec import read_study
 
     wanted = read_study(file)
-    from hdvplan.signals import ended_by_signals
+    from hdvplan.process import ended_by_signals
     from hdvplan.study import run
 
     engine = running.engine()

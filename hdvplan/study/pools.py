@@ -20,7 +20,7 @@ import pebble
 from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.machine import software, usable_cores, use_one_thread
 from hdvplan.plugins import error_text
-from hdvplan.serving import serve_parent
+from hdvplan.process import serve_parent
 from hdvplan.study.cells import Cell
 from hdvplan.study.engine import FAILED, HUNG, KILLED, Ending, Outcome, ended, run_in
 

@@ -29,6 +29,7 @@ from hdvplan.planning.bias import CENTRE
 from hdvplan.planning.settings import LARGEST
 from hdvplan.plugins import digest_of as file_digest
 from hdvplan.plugins import error_text
+from hdvplan.process import temporary_folder
 from hdvplan.report.joined import digest_of, joined_summary, kept_of
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
@@ -40,7 +41,6 @@ from hdvplan.study.cells import NEED, NEED_TIME, STEPS, SUMMARY, Cell, Row, take
 from hdvplan.study.engine import FAILED, NO_PLAN, PLANNED, REFUSED, Outcome
 from hdvplan.study.inputs import RoadSource, road_digest
 from hdvplan.study.places import dead_end, places_of, widening_places
-from hdvplan.temporary import temporary_folder
 
 _SPACING_M = 2.0  # of the line that stands for a road in tables
 _SIMPLER_M = 0.5  # its points that move it by no more are left out

@@ -21,7 +21,7 @@ from hdvplan.bench.comparing.processes import Ended, Scratch
 from hdvplan.bench.comparing.programs import Program, ProgramError
 from hdvplan.cli.compare import _cannot_write
 from hdvplan.errors import OptionError
-from hdvplan.signals import ended_by_signals
+from hdvplan.process import ended_by_signals
 from tests.bench.conftest import Cli, git
 from tests.nightly import nightly
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hdvplan.temporary import temporary_folder
+from hdvplan.process import temporary_folder
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="on Windows each user's temporary files are closed to others")
 root_only = pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="gives files to another user")

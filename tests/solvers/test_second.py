@@ -18,12 +18,12 @@ from hdvplan.judging.verdict import verdict_line, verdict_of
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.process import ended_by_signals
 from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker, backed
 from hdvplan.report.summary import summary_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
-from hdvplan.signals import ended_by_signals
 from hdvplan.solvers.registry import dependable, solver_named
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle

@@ -25,7 +25,7 @@ from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically
 from hdvplan.machine import load_average, machine_facts, machine_words
-from hdvplan.signals import ended_by_signals
+from hdvplan.process import ended_by_signals
 from hdvplan.texts import encoded
 
 # Two roads, both kinds of vehicles, both schemes, the default solver: half a second of driving, so that six rounds are

@@ -23,8 +23,7 @@ from hdvplan.bench.comparing.checkout import Checkout, copy_tree, export, git
 from hdvplan.bench.comparing.processes import Scratch, remove, run
 from hdvplan.bench.comparing.programs import PYTHON, Program, ProgramError, environment, install, is_unreached, pip, present, reason
 from hdvplan.errors import OptionError
-from hdvplan.signals import undisturbed
-from hdvplan.temporary import is_closed
+from hdvplan.process import is_closed, undisturbed
 
 PACKAGE = Path(__file__).parents[2]
 _RELEASE = re.compile(  # a version of PEP 440

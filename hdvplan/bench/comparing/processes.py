@@ -19,7 +19,7 @@ from pathlib import Path
 from time import monotonic, sleep
 
 from hdvplan.bench.turns import TURNS
-from hdvplan.signals import undisturbed
+from hdvplan.process import undisturbed
 
 _IMPORTED = "import time:"  # of -X importtime
 _STDERR, _SPENT, _STDOUT = "stderr", "spent.json", "stdout"

@@ -20,8 +20,8 @@ from hdvplan.bench.suite import Suite, visits
 from hdvplan.bench.tables import CRASHED, HUNG, OUT_OF_MEMORY, OVER_BUDGET
 from hdvplan.bench.turns import turns
 from hdvplan.case import Case
+from hdvplan.process import serve_parent
 from hdvplan.qp.workspace import WorkspaceMaker
-from hdvplan.serving import serve_parent
 
 _FATAL = (CRASHED, HUNG, OUT_OF_MEMORY)
 
