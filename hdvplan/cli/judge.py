@@ -20,7 +20,6 @@ from hdvplan.road.options import RoadOptions
 
 if TYPE_CHECKING:
     from hdvplan.judging.result import Result
-    from hdvplan.loop.track import Follower
 
 _JUDGED = ("clearance", "tracking_error", "tracking_length")
 
@@ -79,7 +78,8 @@ def judge(
     from hdvplan.loop.track import follower_named
     from hdvplan.report.files import DRAWINGS, PICTURES
 
-    follower = None if loop is None else follower_named(loop)
+    if loop is not None:
+        follower_named(loop)
     kinds = output.kinds(PICTURES, DRAWINGS)
     try:
         given = read_given_path(path, driven)
@@ -103,10 +103,10 @@ def judge(
     write(result, directory, kinds, drawn_on, animate=output.animate, quiet=quiet)
     verdict = tell(result, directory, as_json=output.json, quiet=quiet)
     code = exit_code_of(result, verdict)
-    return code if follower is None else max(code, _looped(result, follower, driving, directory, quiet=quiet))
+    return code if loop is None else max(code, _looped(result, loop, driving, directory, quiet=quiet))
 
 
-def _looped(result: Result, follower: Follower, settings: LoopSettings, directory: Path, *, quiet: bool) -> ExitCode:
+def _looped(result: Result, follower: str, settings: LoopSettings, directory: Path, *, quiet: bool) -> ExitCode:
     """Follow a judged path in a closed loop, write and tell what was driven, and return the exit code."""
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.loop.closed import closed_loop, loop_text

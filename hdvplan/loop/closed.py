@@ -27,6 +27,7 @@ _NEWTON = 3  # steps towards the place beside the front axle
 class Driven:
     """What followers did, at every step: (steps, runs). NaN from a run's end on."""
 
+    wheels: FloatArray  #: angle of the front wheels [rad]
     way: FloatArray  #: of the front axle along its track [m]
     offset: FloatArray  #: to its left [m]
     rear: FloatArray  #: the rear axle's middle (steps, runs, 2) [m]
@@ -48,9 +49,10 @@ class Driven:
         return GivenPath(self.rear[own, run], self.heading[own, run])
 
     def frame(self, run: int) -> pd.DataFrame:
-        """Return the path of a run as a table that is a path of one's own: x, y [m], heading [rad]."""
-        path = self.path(run)
-        return pd.DataFrame({"x": path.points[:, 0], "y": path.points[:, 1], "heading": path.heading})
+        """Return a run as a table, which can be judged as a path of one's own: time [s], rear axle and offset [m], angles [rad]."""
+        own, path = np.isfinite(self.offset[:, run]), self.path(run)
+        columns = {"t": STEP_S * np.flatnonzero(own), "x": path.points[:, 0], "y": path.points[:, 1], "heading": path.heading}
+        return pd.DataFrame(columns | {"way": self.way[own, run], "offset": self.offset[own, run], "wheels": self.wheels[own, run]})
 
 
 def followed_by(track: Track, follower: Follower, settings: LoopSettings) -> Driven:
@@ -58,8 +60,10 @@ def followed_by(track: Track, follower: Follower, settings: LoopSettings) -> Dri
     gains = 1.0 + settings.gain_error * np.repeat(ERRORS, settings.runs)
     runs, delay, rng = len(gains), round(settings.delay / STEP_S), np.random.default_rng(settings.seed)
     front, heading = np.tile(track.front(0.0), (runs, 1)), np.full(runs, track.course[0] - track.wheels[0])
-    way, offset, noise, rows = np.zeros(runs), np.zeros(runs), {name: np.zeros(runs) for name in NOISES}, []
-    wanted, lost = [np.full(runs, track.wheels[0])] * delay, np.zeros(runs, dtype=bool)
+    way, offset, rows = np.zeros(runs), np.zeros(runs), list[FloatArray]()
+    noise = {name: settings.noise * deviation * rng.standard_normal(runs) for name, (deviation, _) in NOISES.items()}
+    wheels, lost = np.full(runs, track.wheels[0]), np.zeros(runs, dtype=bool)
+    wanted = [wheels] * delay
     while np.any(driven := (way < track.length) & ~lost):
         for name, (deviation, time) in NOISES.items():
             kept = np.exp(-STEP_S / time)
@@ -67,10 +71,11 @@ def followed_by(track: Track, follower: Follower, settings: LoopSettings) -> Dri
         speed = track.at(track.speed, way)
         askew = heading - (track.at(track.course, way) - track.at(track.wheels, way))
         rear = front - track.wheelbase * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        rows.append(np.where(driven, [way, offset, *rear.T, heading], np.nan))
-        seen = Seen(way, offset + noise["offset"], askew + noise["heading"], speed, settings.delay)
+        rows.append(np.where(driven, [wheels, way, offset, *rear.T, heading], np.nan))
+        time = STEP_S * (len(rows) - 1)
+        seen = Seen(time, STEP_S, way, offset + noise["offset"], askew + noise["heading"], speed, wheels, settings.delay)
         wanted.append(follower(track, seen))
-        wheels = np.clip(gains * wanted.pop(0) + noise["wheels"], -track.most, track.most)
+        wheels = _turned(track, wheels, gains * wanted.pop(0) + noise["wheels"], STEP_S * speed)
         turned = STEP_S * speed * np.sin(wheels) / track.wheelbase
         course = heading + wheels + 0.5 * turned
         front = front + (STEP_S * speed)[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
@@ -80,8 +85,16 @@ def followed_by(track: Track, follower: Follower, settings: LoopSettings) -> Dri
             way = np.minimum(way + aside[:, 0] * np.cos(along) + aside[:, 1] * np.sin(along), track.front.x[-1])
         offset = aside[:, 1] * np.cos(along) - aside[:, 0] * np.sin(along)
         lost |= driven & ((np.abs(offset) > _LOST_M) | (np.abs(askew) > _LOST))
-    way, offset, x, y, heading = np.moveaxis(np.array(rows), 1, 0)
-    return Driven(way, offset, np.stack([x, y], axis=-1), heading, tuple(map(bool, lost)))
+    angle, way, offset, x, y, heading = np.moveaxis(np.array(rows), 1, 0)
+    return Driven(angle, way, offset, np.stack([x, y], axis=-1), heading, tuple(map(bool, lost)))
+
+
+def _turned(track: Track, wheels: FloatArray, wanted: FloatArray, way: FloatArray) -> FloatArray:
+    """Return the angles to which front wheels turn while their axle goes ``way`` [m]: as the vehicle steers, and as fast."""
+    change = track.rate * way * np.cos(wheels)
+    kappa = np.tan(np.clip(wanted, -track.most, track.most)) / track.wheelbase
+    before = np.tan(wheels) / track.wheelbase
+    return np.arctan(track.wheelbase * np.clip(kappa, before - change, before + change))
 
 
 @dataclass(frozen=True)
@@ -142,9 +155,14 @@ def loop_text(loop: ClosedLoop) -> str:
 def closed_loop(result: Result, follower: str | Follower = "driver", settings: LoopSettings | None = None) -> ClosedLoop:
     """Follow the path of a planned or judged drive in a closed loop, and judge every run in the street, without clearance.
 
-    ``follower`` is driver, pure-pursuit, stanley, ``package.module:name``, ``file.py:name`` or a function, see ``loop.track.Follower``.
-    The front axle begins on the path. It sees where it is with noise; the wheels do what it wants after the delay, times a
-    gain, with noise, as far as the vehicle steers. The last 15 m are not followed.
+    ``follower`` is driver, pure-pursuit, stanley, ``package.module:name``, ``file.py:name`` or a function, which is called every 0.05 s::
+
+        def steer(track: Track, seen: Seen) -> FloatArray:  # the front wheels' angles, left positive, (runs,) [rad]
+            return track.at(track.wheels, seen.way) - seen.askew - np.arctan(0.5 * seen.offset / seen.speed)
+
+    All runs are driven side by side. They begin on the path; what is seen of the place is noisy. The wheels do what is wanted after the
+    delay, times a gain, with noise, as far and as fast as the vehicle steers. Noise has the deviations that ``LoopSettings`` says,
+    correlated over 2 s (offset), 1 s (heading) and 0.5 s (wheels). The last 15 m are not followed.
 
     Raises:
         RoadError: the path is too short to be followed.

@@ -30,7 +30,7 @@ class LoopSettings:
     noise: Annotated[
         float,
         Setting(
-            "Times 0.05 m in what is seen of the offset, 0.3 degrees in heading and wheels each, standard deviations [default: 1].",
+            "Times 0.05 m in the offset as seen, 0.3 degrees in heading and wheels: standard deviations, of slow noise [default: 1].",
             "X",
             least=0.0,
         ),

@@ -37,6 +37,7 @@ class Track:
     behind: FloatArray  #: the rear axle's way until there (n,) [m]
     wheelbase: float  #: [m]
     most: float  #: largest angle of the wheels [rad]
+    rate: float  #: largest change of the curvature along the rear axle's way [1/m2]
 
     @classmethod
     def of(cls, drive: Drive, speed: float, sideways: float) -> Track:
@@ -57,6 +58,7 @@ class Track:
             np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(rear, axis=0).T))]),
             unit.wheelbase,
             float(np.arctan(unit.wheelbase * drive.vehicle.max_curvature)),
+            drive.vehicle.max_curvature_rate,
         )
 
     @property
@@ -75,13 +77,16 @@ class Track:
 
 @dataclass(frozen=True)
 class Seen:
-    """What a follower knows: the place beside the track, how the vehicle stands there, and its own delay; each of shape (runs,)."""
+    """What a follower knows at one moment, in each of the runs, which are driven side by side; arrays are of shape (runs,)."""
 
+    time: float  #: since the drive began, 0 at the first call [s]
+    step: float  #: until the next call [s]
     way: FloatArray  #: of the front axle along its track [m]
     offset: FloatArray  #: to its left, as it is seen [m]
     askew: FloatArray  #: of the body against that of the drive, counter-clockwise, as it is seen [rad]
     speed: FloatArray  #: [m/s]
-    delay: float  #: until the wheels turn [s]
+    wheels: FloatArray  #: angle at which the front wheels stand [rad]
+    delay: float  #: until they do what is wanted [s]
 
 
 #: Returns the angles of the front wheels (runs,) [rad] of a track and what is seen of the place beside it.

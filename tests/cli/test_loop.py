@@ -35,6 +35,17 @@ def test_a_street_that_a_path_keeps_and_its_driver_does_not_is_exit_code_1_and_t
     assert f'"min_clearance_m": {least:.4f}'[:-2] in worst.out
 
 
+def test_what_a_follower_of_one_s_own_does_wrong_names_it_once(cli: Cli, short_road: str) -> None:
+    assert cli("plan", *ROAD, "--out", "plan").code == 0
+    Path("me.py").write_text("def steer(track, seen):\n    return 0.0\n", encoding="utf-8")
+    wrong = cli("judge", "plan/path.csv", short_road, *ROAD[1:], "--loop", "me.py:steer", "--quiet")
+    assert wrong.code == 2
+    assert wrong.err.splitlines() == [
+        "error: follower 'me.py:steer' returns an array that cannot be steered by",
+        "hint: one finite angle [rad] for each of 12 runs",
+    ]
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -95,6 +95,28 @@ def away(track: Track, seen: Seen) -> FloatArray:
     return np.full_like(seen.way, -track.most)
 
 
+def test_wheels_turn_no_faster_than_the_vehicle_steers(bend: Result) -> None:
+    def dithering(track: Track, seen: Seen) -> FloatArray:
+        return track.at(track.wheels, seen.way) + (0.3 if round(seen.time / seen.step) % 2 else -0.3)
+
+    driven = closed_loop(bend, dithering, _EXACT).driven
+    frame, wheelbase = driven.frame(0), bend.drive.vehicle.lead.wheelbase
+    rear = np.hypot(np.diff(frame["x"]), np.diff(frame["y"]))
+    rate = np.abs(np.diff(np.tan(frame["wheels"].to_numpy()) / wheelbase)) / rear
+    assert rate.max() == pytest.approx(bend.drive.vehicle.max_curvature_rate, rel=0.02)  # the rear axle's way is a chord here
+
+
+def test_noise_has_its_deviation_from_the_first_step_on(bend: Result) -> None:
+    first: list[FloatArray] = []
+
+    def watching(track: Track, seen: Seen) -> FloatArray:
+        first.append(seen.offset)
+        return track.at(track.wheels, seen.way)
+
+    closed_loop(bend, watching, LoopSettings(runs=100))
+    assert first[0].std() == pytest.approx(0.05, rel=0.15)  # of 300 numbers: a deviation's own is 4 %
+
+
 def scalar(_track: Track, _seen: Seen) -> float:
     """Return no angle for each run."""
     return 0.0
