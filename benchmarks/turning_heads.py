@@ -84,6 +84,7 @@ def _rows(template: Template, vehicle: Vehicle, place: str, options: SiteOptions
             "legs": tried.legs,
             "fits_with_m": tried.manoeuvre.rounded,
             "best_m": tried.manoeuvre.size,
+            "start_m": tried.sizes[0],
             "median_m": float(pd.Series(tried.sizes).median()),
             "worst_m": tried.sizes[-1],
             "found_by": f"{len(tried.sizes)} of {tried.starts}",
@@ -97,9 +98,10 @@ def _rows(template: Template, vehicle: Vehicle, place: str, options: SiteOptions
 def _page(table: pd.DataFrame) -> str:
     about = (
         "The least room with which a manoeuvre of forward and backward legs was found: street width (three-point), length from tip "
-        "to tip (hammerhead), the arm from the road's kerb line (side-head), the apron (docks) [m]. best, median and worst of those of the "
-        "starts of one search that found a way; less may do. over: how far bodies reach over kerbs that stand. cpu_s: processor time of a "
-        "start. Only the best is judged with poses 0.05 m apart."
+        "to tip (hammerhead), the arm from the road's kerb line (side-head), the apron (docks) [m]. best: what a program made of the best "
+        "start, where that is better; start, median, worst: of the starts of one search that found a way; less may do. over: how far "
+        "bodies reach over kerbs that stand. cpu_s: processor time of a start, with its share of the program's. Only the best is judged, "
+        "with poses 0.05 m apart."
     )
     cells = markdown_table(table.round(3), text=("template", "vehicle", "place", "found_by"))
     targets = " ".join(f"{name}, {place}: {size:g} m for the refuse vehicle." for (name, place), size in _ASKED.items())

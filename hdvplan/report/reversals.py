@@ -51,6 +51,7 @@ def reversal_json(answer: Answer) -> Json:
                 "fits_with_m": tried.manoeuvre.rounded,
                 "starts": tried.starts,
                 "found_m": list(tried.sizes),
+                "polished": tried.polished,
                 "closed_form_m": closed_form(answer.vehicle, answer.template, tried),
             }
             for tried in answer.tried

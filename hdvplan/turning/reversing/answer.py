@@ -14,8 +14,9 @@ from hdvplan.turning.follow import passive
 from hdvplan.turning.reversing.blocks import Block
 from hdvplan.turning.reversing.docking import pull_out
 from hdvplan.turning.reversing.half_turns import half_turn
-from hdvplan.turning.reversing.legs import DrivenLeg, driven, wheels_at_stop
+from hdvplan.turning.reversing.legs import Draft, DrivenLeg, driven, wheels_at_stop
 from hdvplan.turning.reversing.options import SiteOptions, Template
+from hdvplan.turning.reversing.polish import polished
 from hdvplan.turning.reversing.search import half_turns_in
 from hdvplan.turning.reversing.sites import Site, site_of
 from hdvplan.vehicle.body import corners_at
@@ -31,12 +32,17 @@ _OWN_LEGS = 3  # of a half turn that nobody asked to be shorter
 
 @dataclass(frozen=True)
 class Tried:
-    """What ``starts`` searches for a manoeuvre of so many ``legs`` found: sizes of those that found one, rising [m], and the best."""
+    """What ``starts`` searches for a manoeuvre of so many ``legs`` found: sizes of those that found one, rising [m], and the best.
+
+    ``draft`` is what the best search found, and ``manoeuvre`` how it is driven or, where so ``polished``, what a program made of it.
+    """
 
     legs: int
     starts: int
     sizes: tuple[float, ...]
     manoeuvre: Manoeuvre
+    draft: Draft
+    polished: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,11 @@ class Manoeuvre:
             gaps += [self.site.gaps_to_ends(self.vehicle, leg.poses, walls)] if walls else []
             found.append(np.concatenate(gaps).min(axis=(1, 2)) - bow(self.vehicle, leg))
         return np.array(found)
+
+    @property
+    def lacking(self) -> float:
+        """How much room to the blocks of the site is lacking [m]."""
+        return max(0.0, self.site.clearance - float(self.room().min())) if self.site.blocks else 0.0
 
     @property
     def over_kerbs(self) -> float:
@@ -136,12 +147,14 @@ def reversing(
     *,
     starts: int,
     all_legs: bool = False,
+    polish: bool = True,
     on_progress: Callable[[float], None] | None = None,
 ) -> Answer:
     """Return the manoeuvre of ``template`` with the fewest legs that fits in the given size or, where none is given, its least size.
 
     Half turns have three legs unless one or five are needed; ``all_legs`` tries all of these, and names the best of three. Every search is
-    made from ``starts`` starts, always the same ones; a dock needs none. ``on_progress`` receives the share of the searches that are done.
+    made from ``starts`` starts, always the same ones; a dock needs none. With ``polish`` a program begins with the best, and its answer
+    is taken where it is better. ``on_progress`` receives the share of the searches that are done.
 
     Raises:
         TurnError: the vehicle has more trailers than the manoeuvre is made for.
@@ -151,8 +164,12 @@ def reversing(
     vehicle = passive(vehicle)
     _check_trailers(vehicle, template)
     site, size = site_of(template, options, vehicle), options.size(template)
+
+    def finish(tried: Tried) -> Tried:
+        return _polished(site, vehicle, tried) if polish else tried
+
     if template.docks:
-        docked = _docked(site, vehicle)
+        docked = finish(_docked(site, vehicle))
         return Answer(template, vehicle, options, (docked,), docked)
     tried: list[Tried] = []
     errors: list[TurnError] = []
@@ -161,7 +178,7 @@ def reversing(
     for number, legs in enumerate(numbers):
         part = part_of(on_progress, *(taken[number : number + 2] / taken[-1]).tolist())
         try:
-            tried.append(_half_turned(site, vehicle, legs, starts, part))
+            tried.append(finish(_half_turned(site, vehicle, legs, starts, part)))
         except TurnError as error:  # another number of legs may do
             errors.append(error)
             continue
@@ -191,56 +208,80 @@ def _half_turned(site: Site, vehicle: Vehicle, legs: int, starts: int, on_progre
     """
     found, errors = half_turns_in(site, vehicle, legs, starts, on_progress), list[TurnError]()
     for one in found:
+        draft = half_turn(site.template, vehicle, legs).draft(one.parameters, wheels_at_stop(vehicle))
         try:
-            manoeuvre = _judged(site, vehicle, _legs_of(site, vehicle, legs, one.parameters))
+            manoeuvre = _judged(site, vehicle, _turned(vehicle, draft))
         except TurnError as error:
             errors.append(error)
             continue
         sizes = tuple(other.size for other in found if other.kept and other.size >= one.size) or (one.size,)
-        return Tried(legs, starts, sizes, manoeuvre)
+        return Tried(legs, starts, sizes, manoeuvre, draft)
     raise errors[0]
 
 
-def _legs_of(site: Site, vehicle: Vehicle, legs: int, parameters: FloatArray) -> tuple[DrivenLeg, ...]:
-    family, wheels = half_turn(site.template, vehicle, legs), wheels_at_stop(vehicle)
-    strokes = family.strokes(parameters[:, None])
-    lengths, kappas = np.abs(strokes.lengths(wheels)[0]), strokes.kappas(wheels)[0]
-    backward, each = np.array(strokes.backward), len(strokes.backward) // legs
-    here, found = strokes.start[0], list[DrivenLeg]()
+def _polished(site: Site, vehicle: Vehicle, tried: Tried) -> Tried:
+    """Return what a program made of what was tried, where that is better."""
+    last = tried.manoeuvre.legs[-1]
+    out = last.reversed() if site.template.docks else last
+    end = np.concatenate([[out.lead[-1, 2]], np.zeros(len(vehicle.units) - 1)])
+    legs_of = _docking if site.template.docks else _turned
+
+    def made(draft: Draft) -> Manoeuvre:
+        return _manoeuvre(site, vehicle, legs_of(vehicle, draft))
+
+    draft = polished(site, vehicle, tried.draft, end, np.abs(out.beta).max(axis=0), lambda one: made(one).lacking)
+    if draft is None:
+        return tried
+    manoeuvre = made(draft)
+    return replace(tried, manoeuvre=manoeuvre, polished=True) if manoeuvre.size < tried.manoeuvre.size else tried
+
+
+def _turned(vehicle: Vehicle, draft: Draft) -> tuple[DrivenLeg, ...]:
+    """Return the legs of a half turn, with straights before it and behind it."""
+    here, found, legs = draft.start, list[DrivenLeg](), 1 + int(draft.leg[-1])
     for leg in range(legs):
-        of_leg = slice(each * leg, each * (leg + 1))
-        pieces = [(float(length), float(kappa)) for length, kappa in zip(lengths[of_leg], kappas[of_leg], strict=True)]
+        pieces = draft.pieces(leg)
         if leg == 0:
             here = here - np.array([_RUN_M * np.cos(here[2]), _RUN_M * np.sin(here[2]), 0.0])
             pieces.insert(0, (_RUN_M, 0.0))
         if leg == legs - 1:
             pieces.append((_RUN_M, 0.0))
-        found.append(driven(vehicle, here, pieces, POSE_M, backward=bool(backward[each * leg])))
+        found.append(driven(vehicle, here, pieces, POSE_M, backward=leg % 2 == 1))
         here = found[-1].lead[-1]
     return tuple(found)
 
 
 def _docked(site: Site, vehicle: Vehicle) -> Tried:
-    out = pull_out(vehicle, site, POSE_M)
+    draft = pull_out(vehicle, site, POSE_M)
+    manoeuvre = _judged(site, vehicle, _docking(vehicle, draft))
+    return Tried(len(manoeuvre.legs), 1, (manoeuvre.size,), manoeuvre, draft)
+
+
+def _docking(vehicle: Vehicle, draft: Draft) -> tuple[DrivenLeg, ...]:
+    """Return the drive past a dock, and back onto it: a pull-out in reverse."""
+    out = driven(vehicle, draft.start, draft.pieces(0), POSE_M)
     cusp, run = out.lead[-1], vehicle.reach_ahead + vehicle.reach_behind
     before = cusp - np.array([run * np.cos(cusp[2]), run * np.sin(cusp[2]), 0.0])
-    manoeuvre = _judged(site, vehicle, (driven(vehicle, before, [(run, 0.0)], POSE_M), out.reversed()))
-    return Tried(len(manoeuvre.legs), 1, (manoeuvre.size,), manoeuvre)
+    return driven(vehicle, before, [(run, 0.0)], POSE_M), out.reversed()
 
 
 def _judged(site: Site, vehicle: Vehicle, legs: tuple[DrivenLeg, ...]) -> Manoeuvre:
-    """Return a manoeuvre with what it needs; what bows out between poses is added.
+    """Return a manoeuvre that keeps off all blocks.
 
     Raises:
-        TurnError: it enters a block.
+        TurnError: it enters one.
 
     """
-    bowed = max(bow(vehicle, leg) for leg in legs)
-    reaches = np.concatenate([site.reaches(vehicle, leg.poses) for leg in legs]).max(axis=0) + bowed
-    manoeuvre = Manoeuvre(vehicle, site, legs, reaches, site.base + float(reaches.sum()))
-    spare = (manoeuvre.room() - site.clearance).min(axis=0) if site.blocks else np.zeros(1)
-    if spare.min() < 0.0:
-        name, short = site.blocks[int(np.argmin(spare))].name, f"{-spare.min():.2f} m are lacking"
+    manoeuvre = _manoeuvre(site, vehicle, legs)
+    if manoeuvre.lacking > 0.0:
+        name, short = site.blocks[int(np.argmin(manoeuvre.room().min(axis=0)))].name, f"{manoeuvre.lacking:.2f} m are lacking"
         msg = f"no way was found for the {vehicle.name} past the {name}, whatever the {site.template.words}: {short}"
         raise TurnError(msg, hint="give a larger --width, --kerb-radius, --overhang or --door-spacing, or less --clearance")
     return manoeuvre
+
+
+def _manoeuvre(site: Site, vehicle: Vehicle, legs: tuple[DrivenLeg, ...]) -> Manoeuvre:
+    """Return a manoeuvre with what it needs; what bows out between poses is added."""
+    bowed = max(bow(vehicle, leg) for leg in legs)
+    reaches = np.concatenate([site.reaches(vehicle, leg.poses) for leg in legs]).max(axis=0) + bowed
+    return Manoeuvre(vehicle, site, legs, reaches, site.base + float(reaches.sum()))

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import TurnError
-from hdvplan.turning.reversing.legs import DrivenLeg, articulated, driven, wheels_at_stop
+from hdvplan.turning.reversing.legs import Draft, DrivenLeg, articulated, driven, wheels_at_stop
 from hdvplan.turning.reversing.sites import Site, dock_heading
 from hdvplan.vehicle.model import Vehicle
 
@@ -25,8 +25,8 @@ _FOUND_M = 1e-4
 _SCAN_M = 0.25  # between straights that are tried: a longer one may not pass what a shorter one does, along a row at an angle
 
 
-def pull_out(vehicle: Vehicle, site: Site, spacing: float) -> DrivenLeg:
-    """Return the forward drive out of a dock with the shortest straight that passes its neighbours; poses ``spacing`` apart [m].
+def pull_out(vehicle: Vehicle, site: Site, spacing: float) -> Draft:
+    """Return the forward drive out of a dock with the shortest straight that passes its neighbours, seen at poses ``spacing`` apart [m].
 
     Raises:
         TurnError: none was found, however far the vehicle drives straight out, or its trailer folds up.
@@ -36,13 +36,17 @@ def pull_out(vehicle: Vehicle, site: Site, spacing: float) -> DrivenLeg:
     door = np.array([vehicle.reach_behind * np.cos(heading), vehicle.reach_behind * np.sin(heading), heading])
     arcs = _arcs(vehicle, np.pi - heading)
 
-    def out(straight: float) -> DrivenLeg:
-        return driven(vehicle, door, ((straight, 0.0), *arcs), spacing)
+    def out(straight: float) -> Draft:
+        lengths, kappas = np.array([(straight, 0.0), *arcs]).T
+        return Draft(door, lengths, kappas, np.zeros(len(lengths), dtype=np.int64))
+
+    def at(straight: float) -> DrivenLeg:
+        return driven(vehicle, door, out(straight).pieces(0), spacing)
 
     def spare(straight: float) -> float:
-        return float(site.gaps(vehicle, out(straight).poses).min()) - site.clearance - KEPT_M
+        return float(site.gaps(vehicle, at(straight).poses).min()) - site.clearance - KEPT_M
 
-    if np.abs(out(0.0).beta).max(initial=0.0) >= _FOLDED_RAD:
+    if np.abs(at(0.0).beta).max(initial=0.0) >= _FOLDED_RAD:
         msg = f"the {vehicle.name} would push its trailer backwards at full lock"
         raise TurnError(msg)
     if spare(0.0) >= 0.0:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.turning.reversing.legs import Strokes
+from hdvplan.turning.reversing.legs import Draft, Strokes, Wheels
 from hdvplan.turning.reversing.options import Template
 from hdvplan.vehicle.model import Vehicle
 
@@ -44,6 +44,12 @@ class HalfTurn:
         rest = len(straight) - 3  # the arc that completes the half turn
         turned = np.where(np.delete(np.array(straight), rest), 0.0, amounts).sum(axis=1)
         return Strokes(start, np.insert(amounts, rest, np.pi - turned, axis=1), tuple(straight), tuple(backward))
+
+    def draft(self, parameters: FloatArray, wheels: Wheels) -> Draft:
+        """Return the drive of ``parameters`` (n,)."""
+        strokes = self.strokes(parameters[:, None])
+        lengths, kappas = np.abs(strokes.lengths(wheels)[0]), strokes.kappas(wheels)[0]
+        return Draft(strokes.start[0], lengths, kappas, np.repeat(np.arange(self.legs), len(lengths) // self.legs))
 
 
 def half_turn(template: Template, vehicle: Vehicle, legs: int) -> HalfTurn:

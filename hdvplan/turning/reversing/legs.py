@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdvplan.arrays import FloatArray, Records
+from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.road.legs import direction_of
 from hdvplan.turning.follow import integrate, motion
 from hdvplan.vehicle.kinematics import place_many
@@ -66,21 +66,48 @@ class Strokes:
         return wheels.kappa * np.where(self.backward, -side, side)
 
     def lead(self, wheels: Wheels, parts: int) -> FloatArray:
-        """Return ``parts`` + 1 poses of every piece, x, y, heading, shape (candidates, pieces, parts + 1, 3) [m, rad]."""
-        lengths, sides = self.lengths(wheels), np.sign(self.kappas(wheels))
-        out = np.empty((*lengths.shape, parts + 1, 3))
-        here, share = self.start, np.linspace(0.0, 1.0, parts + 1)
-        for piece in range(lengths.shape[1]):
-            out[:, piece] = moved(here, lengths[:, piece, None] * share, sides[:, piece, None], wheels)
-            here = out[:, piece, -1]
-        return out
+        """Return ``parts`` + 1 poses of every piece, as ``lead_along`` does."""
+        sides = np.sign(self.kappas(wheels))
+        return lead_along(self.start, self.lengths(wheels), (sides * wheels.slide, sides * wheels.turn), parts)
 
 
-def moved(start: FloatArray, length: FloatArray, side: FloatArray, wheels: Wheels) -> FloatArray:
-    """Return where the lead unit is after ``length`` (candidates, n) [m] with the wheels at ``side``, -1, 0 or 1: (candidates, n, 3)."""
-    angle = side * wheels.turn * length
+@dataclass(frozen=True)
+class Draft:
+    """A drive as pieces of constant steering; arrays over the pieces, in the order of driving. Odd ``leg`` are driven backwards."""
+
+    start: FloatArray  # of the lead rear axle, x, y [m], and the lead unit's heading [rad] (3,)
+    lengths: FloatArray  # (n,) [m]
+    kappas: FloatArray  # (n,) [1/m]
+    leg: IntArray  # that a piece belongs to, counted from 0 (n,)
+
+    def pieces(self, leg: int) -> list[tuple[float, float]]:
+        """Return length and curvature of a leg's pieces."""
+        own = self.leg == leg
+        return list(zip(self.lengths[own].tolist(), self.kappas[own].tolist(), strict=True))
+
+
+def lead_along(start: FloatArray, lengths: FloatArray, motions: tuple[FloatArray, FloatArray], parts: int) -> FloatArray:
+    """Return ``parts`` + 1 poses of every piece, x, y, heading, shape (candidates, pieces, parts + 1, 3) [m, rad].
+
+    ``start`` is (candidates, 3); ``lengths``, negative backwards, and the two ``motions``, as in ``moved``, are (candidates, pieces).
+    """
+    out = np.empty((*lengths.shape, parts + 1, 3))
+    here, share = start, np.linspace(0.0, 1.0, parts + 1)
+    for piece in range(lengths.shape[1]):
+        slide, turn = (one[:, piece, None] for one in motions)
+        out[:, piece] = moved(here, lengths[:, piece, None] * share, slide, turn)
+        here = out[:, piece, -1]
+    return out
+
+
+def moved(start: FloatArray, length: FloatArray, slide: FloatArray, turn: FloatArray) -> FloatArray:
+    """Return where the lead unit is after ``length`` (candidates, n) [m], shape (candidates, n, 3).
+
+    Its axle moves ``slide`` sideways [-], and the unit turns by ``turn`` [rad/m], per metre forward; both (candidates, 1).
+    """
+    angle = turn * length
     towards = start[:, 2:3] + 0.5 * angle
-    chord, slide = length * np.sinc(0.5 * angle / np.pi), side * wheels.slide
+    chord = length * np.sinc(0.5 * angle / np.pi)
     x = start[:, :1] + chord * (np.cos(towards) - slide * np.sin(towards))
     y = start[:, 1:2] + chord * (np.sin(towards) + slide * np.cos(towards))
     return np.stack([x, y, start[:, 2:3] + angle], axis=-1)
@@ -148,13 +175,14 @@ def driven(
 
     Trailers are in line at its begin. Backwards only vehicles without trailers are driven; others by ``DrivenLeg.reversed``.
     """
-    wheels, sign = wheels_at_stop(vehicle), -1.0 if backward else 1.0
+    units, sign = vehicle.table(), -1.0 if backward else 1.0
     pieces = [piece for piece in pieces if piece[0] > _NO_PIECE_M]
     counts = [max(1, int(np.ceil(length / spacing))) for length, _ in pieces]
     lead, here, s = [start[None]], start[None], [np.zeros(1)]
     for (length, kappa), count in zip(pieces, counts, strict=True):
         share = np.arange(1, count + 1) / count
-        part = moved(here, sign * length * share[None], np.array([[np.sign(kappa)]]), wheels)[0]
+        slide, turn = motion(units, kappa)
+        part = moved(here, sign * length * share[None], np.array([[slide]]), np.array([[turn]]))[0]
         lead.append(part)
         here = part[-1:]
         s.append(s[-1][-1] + length * share)

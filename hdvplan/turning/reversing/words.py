@@ -27,6 +27,9 @@ def verdict(answer: Answer) -> str:
 def details(answer: Answer) -> str:
     """Return the second line: how sure the answer is."""
     chosen, sizes = answer.chosen, answer.chosen.sizes
+    if answer.template.docks and chosen.polished:
+        out = f"polished from {sizes[0]:.2f} m, with which it drives straight out, then turns at full lock"
+        return f"{out}{_kept(answer)}; less may do: nothing is proved impossible{_STANDING}"
     if answer.template.docks:
         formula = closed_form(answer.vehicle, answer.template, chosen)
         formula_text = "" if formula is None else f", {formula:.2f} m by formula"
@@ -35,8 +38,9 @@ def details(answer: Answer) -> str:
     which = "which found" if len(sizes) == chosen.starts else f"{len(sizes)} of which found a way, in"
     over = chosen.manoeuvre.over_kerbs
     kerbs = f"; bodies reach {over:.2f} m over kerbs" if over >= _TOLD_M else ""
-    best = f"the best of {chosen.starts} starts, {which} {sizes[0]:.2f} to {sizes[-1]:.2f} m; less may do: nothing is proved impossible"
-    return f"{best}{_kept(answer)}{kerbs}{_STANDING}"
+    found = f"the best of {chosen.starts} starts, {which} {sizes[0]:.2f} to {sizes[-1]:.2f} m"
+    less = f", polished to {chosen.manoeuvre.size:.2f} m" if sizes[0] - chosen.manoeuvre.size >= _TOLD_M else ""
+    return f"{found}{less}; less may do: nothing is proved impossible{_kept(answer)}{kerbs}{_STANDING}"
 
 
 def _kept(answer: Answer) -> str:
@@ -54,7 +58,7 @@ def closed_form(vehicle: Vehicle, template: Template, tried: Tried) -> float | N
     """Return the size by a formula where there is one, else None [m].
 
     A half turn in one move without swinging out takes the circles of the outer front corner and of the outer tail, one for each side. A
-    pull-out reaches as far as the outer front corner's circle, whose centre lies beside where the turn begins.
+    pull-out that is not polished reaches as far as the outer front corner's circle, whose centre lies beside where the turn begins.
     """
     radius, half, kept = 1.0 / vehicle.max_curvature, 0.5 * vehicle.lead.width, tried.manoeuvre.site.clearance
     front = float(np.hypot(vehicle.lead.front, radius + half)) + kept
@@ -62,7 +66,7 @@ def closed_form(vehicle: Vehicle, template: Template, tried: Tried) -> float | N
         return None
     if template is Template.THREE_POINT and tried.legs == 1:
         return front + float(np.hypot(vehicle.lead.rear_overhang, radius + half)) + kept
-    if template is Template.DOCK_90:
+    if template is Template.DOCK_90 and not tried.polished:
         return straight_out(tried) + vehicle.reach_behind + front
     return None
 
