@@ -106,7 +106,7 @@ def test_the_generator_s_answer_is_kept_where_it_is_better(monkeypatch: pytest.M
 def test_where_rows_of_corners_are_passed_more_room_is_kept_until_none_is_lacking(
     vehicle: Vehicle, template: Template, options: SiteOptions, gain: float
 ) -> None:  # fmt: skip
-    chosen = reversing(vehicle, template, options, starts=1).chosen
+    chosen = reversing(vehicle, template, options, starts=4).chosen  # a dock needs no start
     assert chosen.polished
-    assert chosen.sizes[0] - chosen.manoeuvre.size > gain  # measured: 0.82, 3.21, 1.00 m
+    assert chosen.sizes[0] - chosen.manoeuvre.size > gain  # measured: 0.80, 3.21, 1.00 m
     assert chosen.manoeuvre.lacking == 0.0

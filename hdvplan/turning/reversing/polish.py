@@ -20,7 +20,7 @@ from hdvplan.vehicle.model import Vehicle
 KEPT_M = 0.003  # from blocks that stand: more than bodies bow out between the poses of a polished manoeuvre
 _PRICE = 500.0  # metres of a site's size for a metre within a block, or a radian: none is worth it
 _ENOUGH_M = 1.0  # of room, of which more counts as this
-_FAR_M = 10.0  # by which an end may be moved
+_FAR_M = 10.0  # by which an end may be moved: docks need 4 m less
 _DIFFERENCE = 1e-6  # of parameters, for derivatives
 _POLISHED_M = 1e-5
 _MOST_STEPS = 100
@@ -75,11 +75,11 @@ def measured(site: Site, vehicle: Vehicle, lead: FloatArray, beta: FloatArray | 
     return Measured(site.reaches(vehicle, poses), room, none, np.zeros((*lead.shape[:2], 0)))
 
 
-def least(measure: Measure, begin: FloatArray, low: FloatArray, high: FloatArray, each: int) -> FloatArray:
+def least(measure: Measure, begin: FloatArray, low: FloatArray, high: FloatArray, each: int, far: float) -> FloatArray:
     """Return the parameters of a local optimum beside ``begin`` (n,): the ends' reaches are least, each above all its poses' (SLSQP).
 
-    Of every ``each`` poses, those of a piece, the one that reaches furthest counts, and the one with least room. The best of all that was
-    looked at is returned: where constraints contradict each other nearby, the program ends anywhere.
+    Of every ``each`` poses, those of a piece, the one that reaches furthest counts, and the one with least room. An end is moved by at most
+    ``far`` [m]. The best of all that was looked at is returned: where constraints contradict each other nearby, the program ends anywhere.
     """
     n, last = len(begin), dict[bytes, tuple[FloatArray, FloatArray]]()
     first = measure(begin[:, None])
@@ -109,11 +109,11 @@ def least(measure: Measure, begin: FloatArray, low: FloatArray, high: FloatArray
         "fun": lambda z: rows(z[:n])[0][off:] + of_end @ z[n:],
         "jac": lambda z: np.column_stack([rows(z[:n])[1][off:], of_end]),
     }
-    far = first.reaches.max(axis=1)[0]
+    reach = first.reaches.max(axis=1)[0]
     minimize(  # type: ignore[call-overload]  # the stubs want the functions' arrays of one kind
-        lambda z: float(z[n:].sum()), np.concatenate([begin, far]), method="SLSQP",
+        lambda z: float(z[n:].sum()), np.concatenate([begin, reach]), method="SLSQP",
         jac=lambda _: np.concatenate([np.zeros(n), np.ones(ends)]),
-        bounds=[*zip(low, high, strict=True), *zip(far - _FAR_M, far + _FAR_M, strict=True)],
+        bounds=[*zip(low, high, strict=True), *zip(reach - far, reach + far, strict=True)],
         constraints=[kept, met] if off else [kept],
         options={"ftol": _POLISHED_M, "maxiter": _MOST_STEPS},
     )  # fmt: skip
@@ -233,7 +233,7 @@ def polished(
     free = _Free(site, vehicle, split, end, folded)
     parameters = free.begin
     for _ in range(_TRIALS):
-        parameters = free.met(least(free.measure, parameters, *free.bounds, free.each))
+        parameters = free.met(least(free.measure, parameters, *free.bounds, free.each, _FAR_M))
         found = free.drafted(parameters)
         short = lacking(found)
         if short == 0.0:

@@ -21,6 +21,7 @@ from hdvplan.vehicle.model import Vehicle
 
 _PARTS, _FINER, _FINEST = 8, 48, 500  # of a piece: a quarter turn then bows out by 0.5, 0.013 and 0.0001 % of its radius
 _ENTERED_M = 0.002  # of that, which a polished manoeuvre may take: rounding, and poses that were not looked at
+_FAR_M = 3.0  # by which a local search may move an end
 _DRAWN = 40  # at random, times the square of the parameters' number, of which the best begin the search
 _POPULATION = 8  # times that number
 _NONE = 0.5  # of the drawn parameters are 0
@@ -60,7 +61,7 @@ def half_turns_in(
     found = []
     for seed in range(starts):
         rough = _global(cost, family.low, family.high, seed)
-        smooth = least(partial(measure, parts=_FINER), rough, family.low, family.high, _FINER + 1)
+        smooth = least(partial(measure, parts=_FINER), rough, family.low, family.high, _FINER + 1, _FAR_M)
         fine = measure(smooth[:, None], _FINEST)
         found.append(Found(smooth, site.base + float(fine.size[0]), float(fine.entered[0])))
         if on_progress is not None:
