@@ -70,6 +70,11 @@ def test_importing_it_loads_nothing_heavy() -> None:
     assert ended.stdout == "[]\n"
 
 
+def test_public_names_are_told_before_they_are_loaded() -> None:
+    assert dir(hdvplan) == sorted(hdvplan.__all__)
+    assert {"run", "LocalEngine", "connected"} <= {*dir(hdvplan.study)}
+
+
 def test_every_public_name_is_there_and_is_what_its_home_has() -> None:
     assert sorted(hdvplan.__all__) == dir(hdvplan)
     for name in hdvplan.__all__:

@@ -47,7 +47,7 @@ VehiclesOption = Annotated[
 ]
 VehicleOrNoneOption = Annotated[str | None, _VEHICLE]
 JsonOption = Annotated[bool, typer.Option("--json", help="Write JSON to stdout, and nothing else.", rich_help_panel=OUTPUT)]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="No progress, notes or tables; errors remain.", rich_help_panel=OUTPUT)]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="No verdict, progress, notes or tables; errors remain.", rich_help_panel=OUTPUT)]
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Output:
         Setting("In the sheet's title block besides: 'project=Line 18', 'checked by='; may be repeated.", "NAME=TEXT", ("--stamp",)),
     ] = ()
     animate: Annotated[bool, Setting("Write drive.gif, a film of the drive.")] = False
-    quiet: Annotated[bool, Setting("No progress, notes or tables; errors remain.")] = False
+    quiet: Annotated[bool, Setting("No verdict, progress, notes or tables; errors remain.")] = False
 
     def drawn_on(self) -> SheetOptions | None:
         """Return what the sheet is drawn on, or None without one.

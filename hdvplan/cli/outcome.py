@@ -47,7 +47,7 @@ def cleared(result: Result, *, quiet: bool) -> Result:
     before, after = result.tracking, found.tracking
     if before is not None and after is not None:
         note(
-            f"a clearance of {found.case.settings.clearance:.2f} m can be kept; "
+            f"the {found.case.vehicle.name} can keep a clearance of {found.case.settings.clearance:.2f} m; "
             f"with it the driver may stray by {after.error:.3f} m, without by {before.error:.3f} m",
             quiet=quiet,
         )
@@ -75,12 +75,17 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verd
         print_line(verdict_line(result, verdict))
         details = [verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
         print_line("; ".join(text for text in details if text))
-    if result.planned and verdict.fits and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < _NEAR_M:
+    if result.planned and _is_near(verdict):
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     warn_of(result, verdict, quiet=quiet)
     if not as_json and not quiet:
         print_plan(summary_of(result), directory, two_regions=result.two_regions, road=result.drive.road)
     return verdict
+
+
+def _is_near(verdict: Verdict) -> bool:
+    """Whether a plan that fits leaves less room than people ask for, as its objective does not ask for any."""
+    return bool(verdict.fits) and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < _NEAR_M
 
 
 def compare(results: list[Result], directory: Path, *, picture: bool, as_json: bool, quiet: bool) -> ExitCode:
@@ -92,6 +97,8 @@ def compare(results: list[Result], directory: Path, *, picture: bool, as_json: b
     from hdvplan.report.style import figure_bytes
     from hdvplan.report.summary import summary_of
 
+    if any(_is_near(verdict_of(result)) for result in results):
+        note("plans come as near as limits allow; with --clearance max the table says how much room each can keep", quiet=quiet)
     table = answer_rows(results)
     with progress(f"writing {directory}/", quiet=quiet), writing(f"to {directory}"):
         write_atomically(directory / "compared.csv", csv_bytes(table))

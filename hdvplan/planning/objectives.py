@@ -170,5 +170,5 @@ class _Foreign:
             raise OptionError(msg) from error
         if not isinstance(goal, Goal):
             msg = f"objective {self.name!r} returns something of type {type(goal).__name__}, not a Goal"
-            raise OptionError(msg)
+            raise OptionError(msg, hint="a Goal holds terms and, of centred axles, the Centring: Goal((term,))")
         return goal

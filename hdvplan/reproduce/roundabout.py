@@ -68,8 +68,8 @@ def _rows(planned: Result, believed: Result, curves: dict[str, FloatArray]) -> t
     rows = [
         Row("max left", "m", published.ROUNDABOUT_LEFT, planned.balance.max_left, _SIMULATED, headline=True),
         Row("max right", "m", published.ROUNDABOUT_RIGHT, planned.balance.max_right, _SAMPLED, headline=True),
-        Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, believed.balance.max_left),
-        Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, believed.balance.max_right, _SAMPLED),
+        Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, believed.balance.max_left, counted=False),
+        Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, believed.balance.max_right, _SAMPLED, counted=False),
         Row("expected half width", "m", published.ROUNDABOUT_EXPECTED, float(planned.expected.half_width.max())),
         Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle]), headline=True),
         Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2]), headline=True),
@@ -81,9 +81,9 @@ def _rows(planned: Result, believed: Result, curves: dict[str, FloatArray]) -> t
         anywhere = (
             f"at s = {s[at]:.1f} m: not explained: theirs swings a little earlier, and no smoothness weight from 1e2 to 1e4 removes it"
         )
-        rows.append(Row(f"{words} off theirs, largest", unit, Number(0.0, 0.0), float(np.abs(off[at])), anywhere))
+        rows.append(Row(f"{words} off theirs, largest", unit, Number(0.0, 0.0), float(np.abs(off[at])), anywhere, counted=False))
         largest = float(np.max(np.abs(off[steady])))
-        rows.append(Row(f"{words} off theirs, constant part", unit, Number(0.0, 1e-3), largest))
+        rows.append(Row(f"{words} off theirs, constant part", unit, Number(0.0, 1e-3), largest, counted=False))
     return tuple(rows)
 
 

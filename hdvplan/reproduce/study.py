@@ -28,7 +28,7 @@ class Row:
     """A quantity as published and as found here; ``published`` is None where the papers give no number.
 
     ``remark`` says why the two differ by more than the published number can be read, or that it is not explained; ``headline`` rows enter
-    the summary.
+    the summary. ``counted`` is not for what tells more of a number that has a row of its own, or compares curves.
     """
 
     quantity: str
@@ -37,6 +37,7 @@ class Row:
     ours: float
     remark: str = ""
     headline: bool = False
+    counted: bool = True
 
     @property
     def differs(self) -> bool:
@@ -45,8 +46,8 @@ class Row:
 
     @property
     def status(self) -> str:
-        """One of ``STATUSES``; nothing where nothing is published."""
-        if self.published is None:
+        """One of ``STATUSES``; nothing where no number of its own is published."""
+        if self.published is None or not self.counted:
             return ""
         if not self.differs:
             return "reproduced"

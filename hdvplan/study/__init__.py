@@ -23,6 +23,10 @@ __all__ = ["DaskEngine", "Engine", "LocalEngine", "Results", "Study", "connected
 
 if not TYPE_CHECKING:  # else a type checker would believe in any name
 
+    def __dir__() -> list[str]:
+        """Tell the public names before they are loaded."""
+        return __all__
+
     def __getattr__(name: str) -> object:
         """Load a name when it is first asked for (PEP 562)."""
         if name not in __all__:

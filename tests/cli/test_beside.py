@@ -44,6 +44,13 @@ def test_where_they_cannot_meet_the_place_is_told(cli: Cli, short_road: str) -> 
     assert line.startswith("NO: ")
 
 
+def test_a_vehicle_that_does_not_keep_its_own_street_is_no_silent_company(cli: Cli, short_road: str) -> None:
+    own = ("plan", short_road, "--vehicle", "bus", "--no-plot", "--no-proof", "--no-refine")
+    assert cli(*own, "--half-width", "1.3", "--offset", "4", "--out", "there").code == 1
+    back = cli(*own, "--reverse", "--half-width", "6", "--beside", "there", "--out", "back")
+    assert "warning: the plan in there does not keep its own limits: NO: " in back.err
+
+
 def test_what_is_no_plan_or_lies_elsewhere_is_refused(cli: Cli, tmp_path: Path, short_road: str) -> None:
     own = ("plan", short_road, "--vehicle", "bus", "--half-width", "3", "--no-plot")
     none = cli(*own, "--beside", "nowhere")

@@ -103,7 +103,9 @@ def test_wheels_turn_no_faster_than_the_vehicle_steers(bend: Result) -> None:
     frame, wheelbase = driven.frame(0), bend.drive.vehicle.lead.wheelbase
     rear = np.hypot(np.diff(frame["x"]), np.diff(frame["y"]))
     rate = np.abs(np.diff(np.tan(frame["wheels"].to_numpy()) / wheelbase)) / rear
-    assert rate.max() == pytest.approx(bend.drive.vehicle.max_curvature_rate, rel=0.05)  # its way is that with the angle before, up to 0.3 rad away
+    assert rate.max() == pytest.approx(
+        bend.drive.vehicle.max_curvature_rate, rel=0.05
+    )  # its way is that with the angle before, up to 0.3 rad away
 
 
 def test_noise_has_its_deviation_from_the_first_step_on(bend: Result) -> None:

@@ -125,8 +125,8 @@ def test_a_post_between_two_stations_of_the_envelope_is_not_driven_through_unsee
 def test_what_counts_as_kept_is_never_called_lacking(bus: Result) -> None:
     least = bus.balance.min_clearance or 0.0
     kept = judged(bus, clearance=least + 0.009)
-    assert line(kept).startswith(f"YES: the {least + 0.009:.2f} m to keep and no more at s = ")
-    assert f"YES, the {least + 0.009:.2f} m to keep and no more" in verdict_title(kept, verdict_of(kept))
+    assert line(kept).startswith(f"YES: {least:.2f} m of the {least + 0.009:.2f} m to keep at s = ")
+    assert f"YES, {least:.2f} m of the {least + 0.009:.2f} m to keep" in verdict_title(kept, verdict_of(kept))
 
 
 def test_the_title_and_the_summary_say_the_same(bus: Result, kerbed: Result) -> None:

@@ -38,7 +38,8 @@ def details(answer: Answer) -> str:
     which = "which found" if len(sizes) == chosen.starts else f"{len(sizes)} of which found a way, in"
     over = chosen.manoeuvre.over_kerbs
     kerbs = f"; bodies reach {over:.2f} m over kerbs" if over >= _TOLD_M else ""
-    found = f"the best of {chosen.starts} starts, {which} {sizes[0]:.2f} to {sizes[-1]:.2f} m"
+    spread = " to ".join(dict.fromkeys(f"{size:.2f}" for size in (sizes[0], sizes[-1])))
+    found = f"the best of {chosen.starts} starts, {which} {spread} m"
     less = f", polished to {chosen.manoeuvre.size:.2f} m" if sizes[0] - chosen.manoeuvre.size >= _TOLD_M else ""
     return f"{found}{less}; less may do: nothing is proved impossible{_kept(answer)}{kerbs}{_STANDING}"
 
