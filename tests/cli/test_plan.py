@@ -214,6 +214,9 @@ def test_several_vehicles_are_compared_and_answered_as_each_by_itself(cli: Cli, 
     assert outcome.err.count("error: ") == 1
     table = pd.read_csv("both/compared.csv").set_index("vehicle")
     assert table["answer"].to_dict() == {"bus": YES, "a-double": NO}
+    assert ("; with --clearance max the table says" in outcome.err) == (table["spare_m"]["bus"] < 0.05)
+    wide = cli("plan", short_road, "--vehicle", "bus,a-double", "--half-width", "9", "--out", "wide", "--no-plot")
+    assert "; with --clearance max" not in wide.err
     for name in table.index:
         cli("plan", short_road, "--vehicle", name, "--half-width", "1.7", "--out", "alone", "--no-plot")
         alone = json.loads(Path("alone/summary.json").read_text(encoding="utf-8"))["verdict"]
