@@ -404,7 +404,9 @@ int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t 
     struct hdv_limits *own = data;
     struct hdv_shape shape = scene->program.shape;
     int64_t edges = 2 * scene->unit_count;
-    struct stage_scene at = {.own = own, .scene = scene};
+    struct stage_scene at; /* its 0.1 MB are not set to zero first: that took longer than some plans' limits */
+    at.own = own;
+    at.scene = scene;
     for (int64_t i = begin; i <= shape.stages; i++) {
         if (fresh)
             begin_stage(own, scene, i);
