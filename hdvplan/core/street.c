@@ -15,6 +15,7 @@
 #define PASSING_M                                                                                                      \
     0.035 /* a kerb's corner so far before a body, or behind it, comes beside it between two poses of a plan */
 #define ROUNDING_M 1e-6 /* of the last station */
+#define MORE_M 1e-6     /* than rounding of a distance */
 #define IN_FRONT                                                                                                       \
     0.5 /* sine of the angle to a kerb from which on a place is on its street's side, however a body stands there */
 #define SAME_M 1e-12 /* from a point to a corner of a kerb: no direction leads from one to the other */
@@ -30,42 +31,57 @@ struct nearest {
 static const struct nearest nothing = {INFINITY, INFINITY, 0.0, 0.0, 0.0, -1};
 static const struct hdv_contact none = {INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, -1};
 
-enum { MOST_KERBS = 8 }; /* that are looked at together: of more near a body, those of the least numbers first */
+enum { MOST_KERBS = 8 };  /* that are looked at together: of more near a body, those of the least numbers first */
+enum { ALL = -1 };        /* kerbs, of wheels and of bodies */
+enum { REMEMBERED = 64 }; /* blocks whose distance is kept: those after them are looked at twice */
 
-/* What a kerb is to the corners of an outline: rear right, rear left, front right, front left. */
+/* A kerb beside an outline. */
 struct beside {
     int64_t kerb;
-    int side;                  /* 0: a left kerb, 1: a right one */
-    struct nearest corners[4]; /* its nearest places */
+    int64_t first; /* number of its first piece there */
+    int side;      /* 0: a left kerb, 1: a right one */
 };
 
 /* The part of a body that a kerb bounds: all of it, or its wheels and what lies between. */
 struct outline {
     double rear, front, half_width; /* [m] */
-    double x[4], y[4];              /* its corners in the plane [m] */
+    double x[4], y[4];              /* its corners in the plane: rear right, rear left, front right, front left [m] */
+    int64_t wheels;                 /* of the pieces that count, or ALL */
     int64_t from;                   /* kerbs of lesser numbers were looked at before */
     int more;                       /* 1: there are others */
     int kerbs;
-    struct beside beside[MOST_KERBS];
+    struct beside beside[MOST_KERBS]; /* in the order of their first pieces */
 };
 
-/* What is looked at: the pieces beside a body. */
+/* What is looked at: the blocks of pieces beside a body. */
 struct search {
     const struct hdv_street *street;
     enum hdv_look look;
     const struct hdv_unit *unit;
     const struct hdv_pose *pose;
-    double axle;            /* the line's arclength beside it [m] */
-    double low;             /* pieces that end before this arclength are not beside it [m] */
-    double last;            /* arclength beyond which nothing counts [m] */
-    const int64_t *numbers; /* of the pieces, or NULL: all from the first to the one before ``beyond`` */
-    int64_t first, beyond;
+    double axle;      /* the line's arclength beside it [m] */
+    double low, high; /* pieces of other stretches of line are not beside it [m] */
+    double last;      /* arclength beyond which nothing counts [m] */
+    const struct hdv_block *blocks;
+    int64_t count;
+    int64_t wheels; /* 0: no kerb is one that wheels alone must keep */
 };
 
-/* The nearest place of one piece to a point of the plane. */
-static void meet(const struct hdv_piece *piece, double x, double y, int64_t number, struct nearest *to) {
+/* Whether pieces of a stretch of line may hold the place that is nearest to a point at arclength s [m]. */
+static int is_beside(double s_low, double s_high, double s) {
+    return s_low <= s + WINDOW_M && s_high >= s - WINDOW_M;
+}
+
+/* The same of a piece's first point, for a body from one arclength to another. */
+static int begins_beside(const struct hdv_piece *piece, double rear, double front) {
+    double further = piece->s_high - larger(piece->s_begin, piece->s_end) + WINDOW_M;
+    return piece->s_begin - further <= front && piece->s_begin + further >= rear;
+}
+
+/* The nearest place of one piece to a point of the plane, which is at arclength s [m]. */
+HDV_INLINE void meet(const struct hdv_piece *piece, double x, double y, double s, int64_t number, struct nearest *to) {
     double dx = x - piece->x, dy = y - piece->y, square = dx * dx + dy * dy, most = to->distance + piece->length;
-    if (square > most * most)
+    if (square > most * most || !is_beside(piece->s_low, piece->s_high, s))
         return;
     double along = dx * piece->cos + dy * piece->sin, across = dy * piece->cos - dx * piece->sin;
     if (along < 0.0 || piece->length == 0.0) { /* its beginning, unless the piece before is nearer */
@@ -123,20 +139,23 @@ static void keep(struct hdv_contact *to, struct hdv_contact contact) {
 }
 
 static int section_of(const struct hdv_unit *unit, double ahead) {
-    double part = (ahead + unit->rear_overhang) / (unit->front + unit->rear_overhang);
-    return (int)whole(part * HDV_SECTIONS, 0, HDV_SECTIONS - 1);
+    double sections = HDV_SECTIONS * (ahead + unit->rear_overhang), length = unit->front + unit->rear_overhang;
+    int section = 0;
+    while (section < HDV_SECTIONS - 1 && sections >= (section + 1) * length)
+        section++;
+    return section;
 }
 
 static double s_at(const struct hdv_piece *piece, double part) {
     return piece->s_begin + clamped(part, 0.0, 1.0) * (piece->s_end - piece->s_begin);
 }
 
-/* The first piece that may reach a place of the line. */
-static int64_t first_at(const struct hdv_street *street, double s) {
-    int64_t low = 0, high = street->count;
+/* The first piece, or block, that may reach a place of the line. */
+static int64_t first_at(const double *reach, int64_t count, double s) {
+    int64_t low = 0, high = count;
     while (low < high) {
         int64_t middle = low + (high - low) / 2;
-        if (street->reach[middle] < s)
+        if (reach[middle] < s)
             low = middle + 1;
         else
             high = middle;
@@ -153,14 +172,14 @@ static double corner_v(const struct outline *on, int corner) {
     return corner % 2 ? on->half_width : -on->half_width;
 }
 
-static void
-begin_outline(struct outline *on, const struct hdv_pose *pose, double rear, double front, double half_width) {
+static void begin_outline(
+    struct outline *on, const struct hdv_pose *pose, double rear, double front, double half_width, int64_t wheels
+) {
     on->rear = rear;
     on->front = front;
     on->half_width = half_width;
+    on->wheels = wheels;
     on->from = 0;
-    on->more = 0;
-    on->kerbs = 0;
     for (int corner = 0; corner < 4; corner++) {
         double u = corner_u(on, corner), v = corner_v(on, corner);
         on->x[corner] = pose->x + u * pose->cos - v * pose->sin;
@@ -168,74 +187,125 @@ begin_outline(struct outline *on, const struct hdv_pose *pose, double rear, doub
     }
 }
 
-/* The place of the kerb with the greatest number. */
-static struct beside *last_kerb(struct outline *on) {
-    struct beside *last = on->beside;
-    for (int number = 1; number < on->kerbs; number++)
-        last = on->beside[number].kerb > last->kerb ? &on->beside[number] : last;
-    return last;
+/* The number of a block's first piece beside an end of an outline, or -1. */
+static int64_t first_beside(const struct search *in, const struct hdv_block *block, const struct outline *on) {
+    for (int64_t i = 0; i < block->count; i++) {
+        const struct hdv_piece *piece = &in->street->pieces[block->numbers[i]];
+        if (is_beside(piece->s_low, piece->s_high, in->axle + on->rear) ||
+            is_beside(piece->s_low, piece->s_high, in->axle + on->front))
+            return block->numbers[i];
+    }
+    return -1;
 }
 
-/* What is known of a piece's kerb; NULL of one that was looked at before, or comes later. */
-static struct beside *beside_kerb(struct outline *on, const struct hdv_piece *piece) {
-    for (int number = on->kerbs - 1; number >= 0; number--)
-        if (on->beside[number].kerb == piece->kerb)
-            return &on->beside[number];
-    if (piece->kerb < on->from)
-        return NULL;
-    struct beside *to = &on->beside[on->kerbs];
-    if (on->kerbs < MOST_KERBS) {
-        on->kerbs++;
-    } else { /* the kerb with the greatest number comes later, with all of its pieces */
-        to = last_kerb(on);
+/* Add a kerb to those beside an outline; where there is no place for it, the one with the greatest number is put off.
+ */
+static void add_kerb(struct outline *on, struct beside kerb) {
+    int at = on->kerbs, last = 0;
+    if (on->kerbs == MOST_KERBS) {
         on->more = 1;
-        if (to->kerb < piece->kerb)
-            return NULL;
+        for (int number = 1; number < on->kerbs; number++)
+            last = on->beside[number].kerb > on->beside[last].kerb ? number : last;
+        if (on->beside[last].kerb < kerb.kerb)
+            return;
+        for (at = last; at < on->kerbs - 1; at++)
+            on->beside[at] = on->beside[at + 1];
+    } else {
+        on->kerbs++;
     }
-    to->kerb = piece->kerb;
-    to->side = piece->left ? 0 : 1;
-    for (int corner = 0; corner < 4; corner++)
-        to->corners[corner] = nothing;
-    return to;
+    for (; at > 0 && on->beside[at - 1].first > kerb.first; at--)
+        on->beside[at] = on->beside[at - 1];
+    on->beside[at] = kerb;
+}
+
+/* List the kerbs beside an outline that were not looked at before. */
+static void list_kerbs(const struct search *in, struct outline *on) {
+    on->kerbs = on->more = 0;
+    for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
+        const struct hdv_block *block = &in->blocks[i];
+        int known = block->kerb < on->from || (on->wheels != ALL && block->wheels != on->wheels);
+        for (int number = 0; number < on->kerbs && !known; number++)
+            known = on->beside[number].kerb == block->kerb;
+        int64_t first = known ? -1 : first_beside(in, block, on);
+        if (first >= 0)
+            add_kerb(on, (struct beside){block->kerb, first, block->left ? 0 : 1});
+    }
 }
 
 /* Go on to the kerbs that an outline had no place for; 0 where there are none. */
 static int next_kerbs(struct outline *on) {
-    int more = on->more;
-    if (on->kerbs > 0)
-        on->from = last_kerb(on)->kerb + 1;
-    on->more = 0;
-    on->kerbs = 0;
-    return more;
+    for (int number = 0; number < on->kerbs; number++)
+        on->from = on->beside[number].kerb >= on->from ? on->beside[number].kerb + 1 : on->from;
+    return on->more;
 }
 
-/* Whether a piece may hold the place that is nearest to a point at arclength s [m]. */
-static int is_beside(const struct hdv_piece *piece, double s) {
-    return piece->s_low <= s + WINDOW_M && piece->s_high >= s - WINDOW_M;
+/* Whether the kerbs of a side count for a corner: in a plan those on its own side alone do. */
+static int counts(const struct search *in, int side, int corner) {
+    return in->look == HDV_TO_JUDGE || corner % 2 != side;
 }
 
-/* The same of a piece's first point, for a body from one arclength to another. */
-static int begins_beside(const struct hdv_piece *piece, double rear, double front) {
-    double further = piece->s_high - larger(piece->s_begin, piece->s_end) + WINDOW_M;
-    return piece->s_begin - further <= front && piece->s_begin + further >= rear;
+/* The squares of the distances from a point to the pieces of a block; returns the least. */
+static double squares_to(const struct hdv_block *block, double x, double y, double *restrict square) {
+    double least[4];
+    for (int i = 0; i < HDV_TOGETHER; i++) {
+        double dx = x - block->x[i], dy = y - block->y[i];
+        double on = smaller(larger(dx * block->cos[i] + dy * block->sin[i], 0.0), block->length[i]);
+        double across_x = dx - on * block->cos[i], across_y = dy - on * block->sin[i];
+        square[i] = across_x * across_x + across_y * across_y;
+    }
+    for (int i = 0; i < HDV_TOGETHER; i++)
+        least[i % 4] = i < 4 ? square[i] : smaller(least[i % 4], square[i]);
+    return smaller(smaller(least[0], least[1]), smaller(least[2], least[3]));
 }
 
-/* The nearest places of one piece to the corners of an outline at one end, in a plan to that on the kerb's own side. */
-static void meet_end(const struct hdv_piece *piece, enum hdv_look look, int64_t number, int end, struct outline *on) {
-    struct beside *beside = beside_kerb(on, piece);
-    for (int corner = 2 * end; beside != NULL && corner < 2 * end + 2; corner++)
-        if (look == HDV_TO_JUDGE || corner % 2 != beside->side)
-            meet(piece, on->x[corner], on->y[corner], number, &beside->corners[corner]);
+/* The nearest place of a block to a point at arclength s, of its pieces within a square of a distance. */
+static void meet_block(
+    const struct search *in, const struct hdv_block *block, double x, double y, double s, double most,
+    struct nearest *found
+) {
+    double square[HDV_TOGETHER];
+    squares_to(block, x, y, square);
+    for (int64_t i = 0; i < block->count; i++)
+        if (square[i] < most)
+            meet(&in->street->pieces[block->numbers[i]], x, y, s, block->numbers[i], found);
+}
+
+/* The nearest place of a kerb to a corner of an outline: that of the nearest piece, which alone is looked at closely.
+ * Where that has none, for it is not beside the corner, or what is nearest lies before it, all are. */
+static struct nearest nearest_of(const struct search *in, const struct outline *on, int64_t kerb, int corner) {
+    double s = in->axle + corner_u(on, corner), x = on->x[corner], y = on->y[corner];
+    double least[REMEMBERED], square[HDV_TOGETHER], of_all = INFINITY;
+    struct nearest found = nothing;
+    int64_t count = 0;
+    for (; count < in->count && in->blocks[count].s_low <= s + WINDOW_M; count++) {
+        const struct hdv_block *block = &in->blocks[count];
+        int beside = block->kerb == kerb && block->s_high >= s - WINDOW_M;
+        double own = beside ? squares_to(block, x, y, square) : INFINITY;
+        of_all = smaller(of_all, own);
+        if (count < REMEMBERED)
+            least[count] = own;
+    }
+    for (int all = 0; all < 2 && found.piece < 0 && of_all < INFINITY; all++) {
+        found.distance = all ? INFINITY : sqrt(of_all) + MORE_M;
+        double most = found.distance * found.distance;
+        for (int64_t i = 0; i < count; i++)
+            if (in->blocks[i].kerb == kerb && (i >= REMEMBERED || least[i] < most))
+                meet_block(in, &in->blocks[i], x, y, s, most, &found);
+    }
+    return found;
 }
 
 /* The nearest place of a kerb without its walls across the street. */
 static struct nearest aside_of(const struct search *in, const struct outline *on, int64_t kerb, int corner) {
     struct nearest found = nothing;
-    for (int64_t i = in->first; i < in->beyond; i++) {
-        int64_t number = in->numbers ? in->numbers[i] : i;
-        const struct hdv_piece *piece = &in->street->pieces[number];
-        if (piece->kerb == kerb && is_beside(piece, in->axle + corner_u(on, corner)) && !piece->wall)
-            meet_aside(piece, on->x[corner], on->y[corner], number, &found);
+    double s = in->axle + corner_u(on, corner);
+    for (int64_t i = 0; i < in->count; i++) {
+        const struct hdv_block *block = &in->blocks[i];
+        for (int64_t place = 0; place < block->count && block->kerb == kerb; place++) {
+            const struct hdv_piece *piece = &in->street->pieces[block->numbers[place]];
+            if (is_beside(piece->s_low, piece->s_high, s) && !piece->wall)
+                meet_aside(piece, on->x[corner], on->y[corner], block->numbers[place], &found);
+        }
     }
     return found;
 }
@@ -243,35 +313,67 @@ static struct nearest aside_of(const struct search *in, const struct outline *on
 /* The place that counts for a corner: far before a wall across the street none does, for the vehicle is not led along
  * the line; near it, or behind it, that to which it is led back. */
 static struct nearest
-place_of(const struct search *in, const struct outline *on, const struct beside *beside, int corner) {
-    const struct nearest *at = &beside->corners[corner];
+place_of(const struct search *in, const struct outline *on, int64_t kerb, int corner, const struct nearest *at) {
     if (in->look == HDV_TO_JUDGE || at->piece < 0 || at->part == 0.0 || !in->street->pieces[at->piece].wall)
         return *at;
-    return at->gap > in->street->clearance ? nothing : aside_of(in, on, beside->kerb, corner);
+    return at->gap > in->street->clearance ? nothing : aside_of(in, on, kerb, corner);
 }
 
-/* A piece's first corner against the side of an outline: the gap grows as that side moves away from it. */
+/* A piece's first corner, u ahead of the axle and v left of the axis, against the side of an outline: the gap grows as
+ * that side moves away from it. */
 static void meet_side(
-    const struct search *in, const struct hdv_piece *piece, int64_t number, const struct outline *on,
-    struct hdv_contacts *found
+    const struct search *in, int64_t number, const struct outline *on, double u, double v, struct hdv_contacts *found
 ) {
-    const struct hdv_pose *pose = in->pose;
-    double x = piece->x - pose->x, y = piece->y - pose->y, u = x * pose->cos + y * pose->sin;
-    double beyond = in->look == HDV_TO_PLAN ? PASSING_M : 0.0;
-    if (u < on->rear - beyond || u > on->front + beyond)
+    const struct hdv_piece *piece = &in->street->pieces[number];
+    if (!(piece->s_high >= in->low && piece->s_low <= in->high && piece->s_begin <= in->last) ||
+        !begins_beside(piece, in->axle + on->rear, in->axle + on->front))
         return;
-    double sign = piece->left ? 1.0 : -1.0, gap = corner_gap(in, piece, on, u, y * pose->cos - x * pose->sin, sign);
+    double sign = piece->left ? 1.0 : -1.0, gap = corner_gap(in, piece, on, u, v, sign);
     struct hdv_contact *to = &found->at[piece->left ? 0 : 1][section_of(in->unit, u)];
-    if (gap < to->gap) {
-        double v = sign * on->half_width;
-        *to = (struct hdv_contact){gap, u, v, sign * pose->sin, -sign * pose->cos, piece->s_begin, number};
+    int first = gap == to->gap && number < to->piece; /* of equals, in whatever order they come */
+    if (gap < to->gap || first) {
+        *to = (struct hdv_contact){
+            gap, u, sign * on->half_width, sign * in->pose->sin, -sign * in->pose->cos, piece->s_begin, number
+        };
+    }
+}
+
+/* Where the pieces of a block begin, in the axes of a body [m]. */
+static void
+see_block(const struct hdv_block *block, const struct hdv_pose *pose, double *restrict u, double *restrict v) {
+    for (int i = 0; i < HDV_TOGETHER; i++) {
+        double x = block->x[i] - pose->x, y = block->y[i] - pose->y;
+        u[i] = x * pose->cos + y * pose->sin;
+        v[i] = y * pose->cos - x * pose->sin;
+    }
+}
+
+/* Meet the sides of an outline with all corners of kerbs that are beside it, and nearer than others. */
+static void meet_sides(const struct search *in, const struct outline *on, struct hdv_contacts *found) {
+    double beyond = in->look == HDV_TO_PLAN ? PASSING_M : 0.0, u[HDV_TOGETHER], v[HDV_TOGETHER];
+    double rear = on->rear - beyond, front = on->front + beyond;
+    for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
+        const struct hdv_block *block = &in->blocks[i];
+        if (block->corners == 0 || block->wheels != on->wheels)
+            continue;
+        const struct hdv_contact *side = found->at[block->left ? 0 : 1];
+        double sign = block->left ? 1.0 : -1.0;
+        see_block(block, in->pose, u, v);
+        for (int64_t place = 0; place < block->count; place++) {
+            if (!(block->corners >> place & 1) || u[place] < rear || u[place] > front)
+                continue;
+            double room = sign * v[place] - on->half_width; /* no gap is less */
+            if (!(room > side[section_of(in->unit, u[place])].gap))
+                meet_side(in, block->numbers[place], on, u[place], v[place], found);
+        }
     }
 }
 
 /* The contact of a corner at its nearest place; none where that does not lie before the last arclength that counts. */
-static struct hdv_contact
-corner_contact(const struct search *in, const struct outline *on, const struct beside *beside, int corner) {
-    struct nearest at = place_of(in, on, beside, corner);
+static struct hdv_contact corner_contact(
+    const struct search *in, const struct outline *on, int64_t kerb, int corner, const struct nearest *nearest
+) {
+    struct nearest at = place_of(in, on, kerb, corner, nearest);
     if (at.piece < 0)
         return none;
     double s = s_at(&in->street->pieces[at.piece], at.part);
@@ -280,15 +382,18 @@ corner_contact(const struct search *in, const struct outline *on, const struct b
     return (struct hdv_contact){at.gap, corner_u(on, corner), corner_v(on, corner), at.x, at.y, s, at.piece};
 }
 
-/* Take over what an outline's corners have met. */
+/* Take over what an outline's corners meet. */
 static void take_corners(const struct search *in, const struct outline *on, struct hdv_contacts *found) {
     for (int number = 0; number < on->kerbs; number++) {
         const struct beside *beside = &on->beside[number];
         double *near = &found->near[beside->side];
         for (int corner = 0; corner < 4; corner++) {
+            if (!counts(in, beside->side, corner))
+                continue;
+            struct nearest at = nearest_of(in, on, beside->kerb, corner);
             struct hdv_contact *to = &found->at[beside->side][section_of(in->unit, corner_u(on, corner))];
-            keep(to, corner_contact(in, on, beside, corner));
-            *near = smaller(*near, smaller(to->gap, beside->corners[corner].gap));
+            keep(to, corner_contact(in, on, beside->kerb, corner, &at));
+            *near = smaller(*near, smaller(to->gap, at.gap));
         }
     }
 }
@@ -297,8 +402,11 @@ static void take_corners(const struct search *in, const struct outline *on, stru
 static void take_overhangs(const struct search *in, const struct outline *on, struct hdv_contacts *found) {
     for (int number = 0; number < on->kerbs; number++) {
         const struct beside *beside = &on->beside[number];
-        for (int end = 0; end < 2; end++)
-            keep(&found->overhang[beside->side][end], corner_contact(in, on, beside, 2 * end + (beside->side == 0)));
+        for (int end = 0; end < 2; end++) {
+            int corner = 2 * end + (beside->side == 0);
+            struct nearest at = nearest_of(in, on, beside->kerb, corner);
+            keep(&found->overhang[beside->side][end], corner_contact(in, on, beside->kerb, corner, &at));
+        }
     }
 }
 
@@ -331,35 +439,42 @@ struct stretch_of_line line_beside(const struct hdv_unit *unit, double s, double
     return (struct stretch_of_line){axle - unit->rear_overhang - WINDOW_M, axle + unit->front + WINDOW_M};
 }
 
-/* The pieces that may be beside a body whose axle is so far behind the lead rear axle, which is at arclength s [m]. */
-static void range_beside(struct search *in, double s, double behind) {
-    const struct hdv_unit *unit = in->unit;
-    in->axle = s - behind;
-    in->last = s > in->street->end + ROUNDING_M ? in->street->end : INFINITY;
-    in->numbers = NULL;
-    struct stretch_of_line beside = line_beside(unit, s, behind);
-    in->low = beside.low;
-    in->first = first_at(in->street, in->low);
-    in->beyond = first_beyond(in->street, in->first, beside.high);
+/* Look among the blocks of a stretch of line. */
+static void range_over(struct search *in, struct stretch_of_line line) {
+    const struct hdv_street *street = in->street;
+    int64_t first = first_at(street->block_reach, street->block_count, line.low), beyond = first;
+    in->low = line.low;
+    in->high = line.high;
+    in->wheels = 0;
+    while (beyond < street->block_count && street->blocks[beyond].s_low <= line.high)
+        in->wheels |= street->blocks[beyond++].wheels;
+    in->blocks = &street->blocks[first];
+    in->count = beyond - first;
+}
+
+/* Whether a piece lies in a box, as far as its ends tell. */
+static int is_in(const struct hdv_piece *piece, const struct box_beside *in) {
+    const struct hdv_pose *pose = in->pose;
+    double x = piece->x - pose->x, y = piece->y - pose->y;
+    double u = x * pose->cos + y * pose->sin, v = y * pose->cos - x * pose->sin;
+    double to_u = u + piece->length * (piece->cos * pose->cos + piece->sin * pose->sin);
+    double to_v = v + piece->length * (piece->sin * pose->cos - piece->cos * pose->sin);
+    return !(
+        larger(u, to_u) < in->rear || smaller(u, to_u) > in->front || larger(v, to_v) < -in->side ||
+        smaller(v, to_v) > in->side
+    );
 }
 
 /* List the pieces of a box beside a stretch of line, from a number on; return the number from which on there may be
  * more, or -1. */
 int64_t
 pieces_from(int64_t from, const struct hdv_street *street, const struct box_beside *in, struct some_pieces *found) {
-    const struct hdv_pose *pose = in->pose;
-    int64_t first = first_at(street, in->line.low), beyond = first_beyond(street, first, in->line.high);
+    int64_t first = first_at(street->reach, street->count, in->line.low);
+    int64_t beyond = first_beyond(street, first, in->line.high);
     found->count = 0;
     for (int64_t number = from > first ? from : first; number < beyond; number++) {
         const struct hdv_piece *piece = &street->pieces[number];
-        if (piece->s_high < in->line.low)
-            continue;
-        double x = piece->x - pose->x, y = piece->y - pose->y;
-        double u = x * pose->cos + y * pose->sin, v = y * pose->cos - x * pose->sin;
-        double to_u = u + piece->length * (piece->cos * pose->cos + piece->sin * pose->sin);
-        double to_v = v + piece->length * (piece->sin * pose->cos - piece->cos * pose->sin);
-        if (larger(u, to_u) < in->rear || smaller(u, to_u) > in->front || larger(v, to_v) < -in->side ||
-            smaller(v, to_v) > in->side)
+        if (piece->s_high < in->line.low || !is_in(piece, in))
             continue;
         if (found->count == HDV_SOME)
             return number;
@@ -368,59 +483,83 @@ pieces_from(int64_t from, const struct hdv_street *street, const struct box_besi
     return -1;
 }
 
+/* Add a place of another block to a block, and to all places after it. */
+static void add_place(struct hdv_block *to, const struct hdv_block *block, int64_t place) {
+    to->corners |= (block->corners >> place & 1) << to->count;
+    for (int64_t i = to->count++; i < HDV_TOGETHER; i++) {
+        to->x[i] = block->x[place];
+        to->y[i] = block->y[place];
+        to->cos[i] = block->cos[place];
+        to->sin[i] = block->sin[place];
+        to->length[i] = block->length[place];
+        to->numbers[i] = block->numbers[place];
+    }
+}
+
 /* List the pieces beside a body that are nearer to it than ``reach`` [m]; there may be too many. */
 void pieces_near(
     const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
-    double reach, struct some_pieces *found
+    double reach, struct some_blocks *found
 ) {
-    struct box_beside in = {
+    struct box_beside box = {
         pose, -unit->rear_overhang - reach, unit->front + reach, unit->half_width + reach, line_beside(unit, s, behind),
     };
-    if (pieces_from(0, street, &in, found) >= 0)
-        found->count = -1;
+    struct search in = {.street = street};
+    int64_t listed = 0;
+    found->count = 0;
+    range_over(&in, box.line);
+    for (const struct hdv_block *block = in.blocks; block < in.blocks + in.count; block++) {
+        struct hdv_block *to = &found->blocks[found->count];
+        for (int64_t place = 0; place < block->count; place++) {
+            const struct hdv_piece *piece = &street->pieces[block->numbers[place]];
+            if (piece->s_high < in.low || piece->s_low > in.high || !is_in(piece, &box))
+                continue;
+            if (listed++ == HDV_SOME) {
+                found->count = -1;
+                return;
+            }
+            if (to == &found->blocks[found->count]) {
+                found->count++;
+                *to = *block;
+                to->count = to->corners = 0;
+            }
+            add_place(to, block, place);
+        }
+    }
 }
 
 /* Write the tightest contacts of a body whose axle is so far behind the lead rear axle, on a straight, which is at
  * arclength s [m], with some pieces, or all (NULL). */
 void look_at_body(
-    const struct hdv_street *street, const struct some_pieces *among, enum hdv_look look, const struct hdv_unit *unit,
+    const struct hdv_street *street, const struct some_blocks *among, enum hdv_look look, const struct hdv_unit *unit,
     const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
 ) {
-    struct search in = {.street = street, .look = look, .unit = unit, .pose = pose};
-    range_beside(&in, s, behind);
+    struct search in = {.street = street, .look = look, .unit = unit, .pose = pose, .axle = s - behind};
+    in.last = s > street->end + ROUNDING_M ? street->end : INFINITY;
     if (among) {
-        in.numbers = among->numbers;
-        in.first = 0;
-        in.beyond = among->count;
+        in.low = line_beside(unit, s, behind).low;
+        in.high = INFINITY;
+        in.blocks = among->blocks;
+        in.count = among->count;
+        in.wheels = 1;
+    } else {
+        range_over(&in, line_beside(unit, s, behind));
     }
     struct outline body, wheels_of, overhangs;
-    begin_outline(&body, pose, -unit->rear_overhang, unit->front, unit->half_width);
-    begin_outline(&overhangs, pose, -unit->rear_overhang, unit->front, unit->half_width);
-    begin_outline(&wheels_of, pose, 0.0, smaller(unit->wheelbase, unit->front), unit->half_width);
+    begin_outline(&body, pose, -unit->rear_overhang, unit->front, unit->half_width, 0);
+    begin_outline(&overhangs, pose, -unit->rear_overhang, unit->front, unit->half_width, 1);
+    begin_outline(&wheels_of, pose, 0.0, smaller(unit->wheelbase, unit->front), unit->half_width, 1);
     begin_contacts(found);
-    int more;
+    meet_sides(&in, &body, found);
+    meet_sides(&in, &wheels_of, found);
     do {
-        for (int64_t i = in.first; i < in.beyond; i++) {
-            int64_t number = in.numbers ? in.numbers[i] : i;
-            const struct hdv_piece *piece = &street->pieces[number];
-            if (piece->s_high < in.low)
-                continue;
-            struct outline *on = piece->wheels ? &wheels_of : &body;
-            if (piece->corner && piece->s_begin <= in.last &&
-                begins_beside(piece, in.axle + on->rear, in.axle + on->front))
-                meet_side(&in, piece, number, on, found);
-            for (int end = 0; end < 2; end++) {
-                if (is_beside(piece, in.axle + (end ? on->front : on->rear)))
-                    meet_end(piece, look, number, end, on);
-                if (piece->wheels && is_beside(piece, in.axle + (end ? body.front : body.rear)))
-                    meet_end(piece, look, number, end, &overhangs);
-            }
-        }
+        list_kerbs(&in, &body);
+        list_kerbs(&in, &wheels_of);
+        list_kerbs(&in, &overhangs);
         take_corners(&in, &body, found);
         take_corners(&in, &wheels_of, found);
         take_overhangs(&in, &overhangs, found);
-        more = next_kerbs(&body) + next_kerbs(&wheels_of) + next_kerbs(&overhangs);
-    } while (more > 0);
+    } while (next_kerbs(&body) + next_kerbs(&wheels_of) + next_kerbs(&overhangs) > 0);
 }
 
 /* Write the contacts of all bodies of a vehicle, (poses, count), whose lead rear axle is at arclengths s (poses,). */
@@ -438,18 +577,14 @@ HDV_EXPORT void hdv_look_many(
 
 /* Write the signed distance of a point, at an arclength of the line, to the left and the right kerbs. */
 static void rooms_at(const struct hdv_street *street, struct outline *point, double s, double *rooms) {
-    int64_t first = first_at(street, s - WINDOW_M), beyond = first_beyond(street, first, s + WINDOW_M);
+    struct search in = {.street = street, .axle = s};
+    range_over(&in, (struct stretch_of_line){s - WINDOW_M, s + WINDOW_M});
     rooms[0] = rooms[1] = INFINITY;
     do {
-        for (int64_t number = first; number < beyond; number++) {
-            const struct hdv_piece *piece = &street->pieces[number];
-            struct beside *beside = piece->s_high < s - WINDOW_M ? NULL : beside_kerb(point, piece);
-            if (beside != NULL)
-                meet(piece, point->x[0], point->y[0], number, &beside->corners[0]);
-        }
+        list_kerbs(&in, point);
         for (int number = 0; number < point->kerbs; number++) {
             double *room = &rooms[point->beside[number].side];
-            *room = smaller(*room, point->beside[number].corners[0].gap);
+            *room = smaller(*room, nearest_of(&in, point, point->beside[number].kerb, 0).gap);
         }
     } while (next_kerbs(point));
 }
@@ -462,7 +597,7 @@ HDV_EXPORT void hdv_rooms(
     for (int64_t i = 0; i < points; i++) {
         const struct hdv_pose at = {.x = x[i], .y = y[i], .cos = 1.0};
         struct outline point;
-        begin_outline(&point, &at, 0.0, 0.0, 0.0);
+        begin_outline(&point, &at, 0.0, 0.0, 0.0, ALL);
         rooms_at(street, &point, s[i], &rooms[2 * i]);
     }
 }

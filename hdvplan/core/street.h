@@ -23,11 +23,29 @@ struct hdv_piece {
     int64_t ends_after;            /* 1: and where it ends */
 };
 
+enum { HDV_TOGETHER = 16 }; /* pieces of a block */
+
+/* Some neighbouring pieces of one kerb, in the order of their numbers: what is asked of many of them is computed side
+ * by side, and without a branch. Places that are left repeat the last piece. */
+struct hdv_block {
+    double s_low, s_high; /* the stretch of line to which they belong [m] */
+    int64_t kerb, left, wheels;
+    int64_t corners; /* a bit for every place, the lowest for the first: 1 where the piece has a corner */
+    int64_t count;
+    double x[HDV_TOGETHER], y[HDV_TOGETHER];     /* as the pieces have them [m] */
+    double cos[HDV_TOGETHER], sin[HDV_TOGETHER]; /* of their directions */
+    double length[HDV_TOGETHER];                 /* [m] */
+    int64_t numbers[HDV_TOGETHER];
+};
+
 /* All pieces, in the order of s_low. */
 struct hdv_street {
     const struct hdv_piece *pieces;
     const double *reach; /* (count,), the largest s_high up to each piece [m] */
     int64_t count;
+    const struct hdv_block *blocks; /* in the order of s_low */
+    const double *block_reach;      /* (block_count,), the largest s_high up to each block [m] */
+    int64_t block_count;
     double end;       /* of the road: once the lead axle has left it, what lies beyond is not kept [m] */
     double clearance; /* that a plan keeps from walls across the street, too [m] */
 };
@@ -73,6 +91,12 @@ struct some_pieces {
     int64_t numbers[HDV_SOME];
 };
 
+/* The same by blocks. */
+struct some_blocks {
+    int64_t count; /* -1: too many pieces to be listed */
+    struct hdv_block blocks[HDV_SOME];
+};
+
 /* Arclengths of the line [m]. */
 struct stretch_of_line {
     double low, high;
@@ -90,10 +114,10 @@ int64_t
 pieces_from(int64_t from, const struct hdv_street *street, const struct box_beside *in, struct some_pieces *found);
 void pieces_near(
     const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
-    double reach, struct some_pieces *found
+    double reach, struct some_blocks *found
 );
 void look_at_body(
-    const struct hdv_street *street, const struct some_pieces *among, enum hdv_look look, const struct hdv_unit *unit,
+    const struct hdv_street *street, const struct some_blocks *among, enum hdv_look look, const struct hdv_unit *unit,
     const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
 );
 

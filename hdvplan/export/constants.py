@@ -16,7 +16,9 @@ _TYPES = {"f": "double", "i": "int64_t"}
 
 
 def number(value: Any) -> str:  # noqa: ANN401 - a number of Python or NumPy
-    """Return a number as C reads it: a float to its last bit."""
+    """Return a number, or an array of them, as C reads it: a float to its last bit."""
+    if isinstance(value, np.ndarray):
+        return "{" + ", ".join(map(number, value)) + "}"
     if isinstance(value, int | np.integer):
         return f"{value}" if abs(int(value)) < np.iinfo(np.int64).max else "INT64_MAX"
     text = repr(float(value))
@@ -33,8 +35,8 @@ def record(values: np.void | Records, addresses: dict[str, str] | None = None) -
 
 
 def _is_told(one: Any, name: str, given: dict[str, str]) -> bool:  # noqa: ANN401 - a record
-    kind = one.dtype[name]
-    return name in given or (kind.shape == () and kind.names is None and kind != ADDRESS and one[name] != 0)
+    kind = one.dtype[name].base
+    return name in given or (kind.names is None and kind != ADDRESS and bool(np.any(one[name] != 0)))
 
 
 def array(name: str, values: FloatArray | IntArray | Records, kind: str = "") -> str:

@@ -190,6 +190,9 @@ def _begins_with(records: Records) -> Records:
     return np.ascontiguousarray(records[:1])
 
 
+_STREET = {"pieces": "hdv_piece", "reach": "", "blocks": "hdv_block", "block_reach": ""}  # arrays, and what they are of
+
+
 def _sample(planner: _Planner, case: Case) -> str:
     """Return ``sample.c``: a road's tables, and the vehicle at its start."""
     stations, begin, parts = planner.begun.stations, planner.begun.begin, planner.parts
@@ -204,9 +207,9 @@ def _sample(planner: _Planner, case: Case) -> str:
         array("curvatures", stations.centring.kappa),
         array("residuals", centring.coefficients, "hdv_residual"),
         array("angles", steering.kept[0] if steering else np.zeros(1)),
-        *((array("pieces", street.pieces, "hdv_piece"), array("reach", street.reach)) if street else ()),
+        *(array(name, getattr(street, name), kind) for name, kind in (_STREET.items() if street else ())),
     ]
-    own = {} if street is None else {"street": record(_kept(street.record, case), {"pieces": "pieces", "reach": "reach"})}
+    own = {} if street is None else {"street": record(_kept(street.record, case), {name: name for name in _STREET})}
     fields = {
         "curve": record(curve, {"coefficients": "coefficients"}),
         **{name: name for name in ("stations", "states", "curvatures", "residuals", "angles")},

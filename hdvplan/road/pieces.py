@@ -13,6 +13,9 @@ from hdvplan.arrays import FloatArray, Records
 
 PIECE = core.record("hdv_piece")
 STREET = core.record("hdv_street")
+_TOGETHER = core.number("HDV_TOGETHER")  # pieces of a block
+_ALONGSIDE = {name: np.dtype((np.float64, _TOGETHER)) for name in ("x", "y", "cos", "sin", "length")}
+BLOCK = core.record("hdv_block", **_ALONGSIDE, numbers=np.dtype((np.int64, _TOGETHER)))
 _SHORTEST_M = 1e-6  # two points of a kerb nearer than this are one
 _BACK = -1.0 + 1e-9  # cosine of a turn: a kerb that goes back on itself has no width there
 _SLIVER_M, _SHARPLY = 0.005, -0.5  # a shorter side that the kerb turns to, or from, by over 120 degrees was drawn by nobody
@@ -49,23 +52,54 @@ class Pieces(NamedTuple):
 
     pieces: Records  # (n,) of ``PIECE``
     reach: FloatArray  # (n,) [m]
+    blocks: Records  # (b,) of ``BLOCK``
+    block_reach: FloatArray  # (b,) [m]
     record: Records
 
 
 def pieces_of(kerbs: Sequence[Kerb], end: float = np.inf) -> Pieces:
     """Return the pieces of kerbs beside a road that ends at arclength ``end`` [m]."""
+    return laid_out(in_order(kerbs, end), end)
+
+
+def in_order(kerbs: Sequence[Kerb], end: float) -> Records:
+    """Return the pieces (n,) of kerbs beside a road that ends at arclength ``end`` [m], in order of s."""
     of = [_pieces(kerb) for kerb in kerbs]
     found = np.concatenate([np.zeros(0, PIECE), *of])
     found["kerb"] = np.repeat(np.arange(len(of)), [len(pieces) for pieces in of])
     found["corner"] |= found["s_begin"] == end  # a body that has left the road in part keeps beside its side what is left of the kerb
-    return laid_out(found, end)
+    return found[np.argsort(found["s_low"], kind="stable")]
 
 
 def laid_out(pieces: Records, end: float = np.inf) -> Pieces:
     """Return pieces (n,) of ``PIECE`` as the core takes them, in order of s, beside a road that ends at arclength ``end`` [m]."""
     found = np.ascontiguousarray(pieces[np.argsort(pieces["s_low"], kind="stable")])
     reach = np.maximum.accumulate(found["s_high"])
-    return Pieces(found, reach, np.array([(core.address(found), core.address(reach), len(found), end, 0.0)], STREET))
+    blocks = _blocks(found)
+    block_reach = np.maximum.accumulate(blocks["s_high"])
+    arrays = (found, reach, blocks, block_reach)
+    own = [core.address(array) for array in arrays]
+    return Pieces(*arrays, np.array([(*own[:2], len(found), *own[2:], len(blocks), end, 0.0)], STREET))
+
+
+def _blocks(pieces: Records) -> Records:
+    """Return the blocks of pieces, each of one kerb, in order of s."""
+    numbers = np.argsort(pieces["kerb"], kind="stable")
+    kerbs = np.flatnonzero(np.diff(pieces["kerb"][numbers], prepend=-1))  # where each begins
+    within = np.arange(len(numbers)) - np.repeat(kerbs, np.diff(kerbs, append=len(numbers)))
+    first = np.flatnonzero(within % _TOGETHER == 0)
+    found = np.zeros(len(first), BLOCK)
+    found["count"] = count = np.diff(first, append=len(numbers))
+    places = np.arange(_TOGETHER)
+    found["numbers"] = numbers[first[:, None] + np.minimum(places, count[:, None] - 1)]
+    of = pieces[found["numbers"]]
+    for name in _ALONGSIDE:
+        found[name] = of[name]
+    for name in ("kerb", "left", "wheels"):
+        found[name] = of[name][:, 0]
+    found["s_low"], found["s_high"] = np.min(of["s_low"], axis=1), np.max(of["s_high"], axis=1)
+    found["corners"] = np.sum((of["corner"] << places) * (places < count[:, None]), axis=1)
+    return found[np.argsort(found["s_low"], kind="stable")]
 
 
 def _pieces(kerb: Kerb) -> Records:

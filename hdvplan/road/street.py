@@ -16,7 +16,7 @@ from hdvplan import core
 from hdvplan.arrays import BoolArray, FloatArray, Records, running
 from hdvplan.road.about import About
 from hdvplan.road.path import ReferencePath
-from hdvplan.road.pieces import Kerb, Pieces, between, pieces_of, replaced_by
+from hdvplan.road.pieces import Kerb, Pieces, between, in_order, laid_out, replaced_by
 
 # Where a body is nearest to a kerb: see core/street.h.
 CONTACT = core.record("hdv_contact")
@@ -69,20 +69,17 @@ class Street:
 
     def pieces(self, s_from: float, s_to: float) -> Pieces:
         """Return the pieces of all kerbs from ``s_from`` to ``s_to`` [m], a closed road's in every lap there."""
-        found = pieces_of(self.unrolled(s_from, s_to), np.inf if self.closed else self.begin + self.length)
-        pieces = found.pieces
+        end = np.inf if self.closed else self.begin + self.length
+        pieces = in_order(self.unrolled(s_from, s_to), end)
         if self.line is None:
-            return found
+            return laid_out(pieces, end)
         beyond = np.stack([pieces["x"] + pieces["length"] * pieces["cos"], pieces["y"] + pieces["length"] * pieces["sin"]])
         ends = ((pieces["s_begin"], pieces["x"], pieces["y"]), (pieces["s_end"], *beyond))
         further = np.maximum(*(self._further(*end) for end in ends))
         pieces["wall"] &= self._across(pieces)
         pieces["s_low"] -= further
         pieces["s_high"] += further
-        order = np.argsort(pieces["s_low"], kind="stable")
-        pieces[:] = pieces[order]
-        np.maximum.accumulate(pieces["s_high"], out=found.reach)
-        return found
+        return laid_out(pieces, end)
 
     def _across(self, pieces: Records) -> BoolArray:
         """Return which pieces stand beside one place of the line, or are steep to it: the kerb outside a hairpin does neither."""

@@ -98,6 +98,22 @@ def test_planning_keeps_a_body_from_a_kerb_by_its_corners_on_that_side_and_the_k
     assert np.min(found[0 if left else 1]) == pytest.approx(min(gaps), abs=NEAR)
 
 
+@pytest.mark.parametrize("how", [TO_PLAN, TO_JUDGE])
+@pytest.mark.parametrize("wheels", [False, True])
+def test_a_kerb_is_as_near_in_thousands_of_pieces_as_in_few(how: int, wheels: bool) -> None:
+    """Few are one block, thousands more blocks than are remembered."""
+    rng = np.random.default_rng(4)
+    for _ in range(25):
+        x = np.linspace(-20.0, 40.0, 13)
+        points = np.stack([x, rng.uniform(-1.0, 1.0, len(x))], axis=1)
+        at = np.linspace(0.0, 12.0, 12 * 350 + 1)
+        fine = np.stack([np.interp(at, np.arange(13), column) for column in points.T], axis=1)
+        pose, left = (rng.uniform(-5.0, 20.0), rng.uniform(-4.0, 0.0), rng.uniform(-0.3, 0.3)), bool(rng.integers(2))
+        few, many = (found_gaps(each, BUS.lead, pose, how, left=left, wheels=wheels) for each in (points, fine))
+        np.testing.assert_allclose(np.clip(few, -1.5, 1.5), np.clip(many, -1.5, 1.5), atol=NEAR)  # further away a window ends
+        assert np.min(few) < 4.0
+
+
 @given(points=kerbs(), unit=units(), pose=poses, left=either, wheels=either)
 @few
 def test_the_gap_of_a_contact_grows_as_its_point_moves_along_its_direction(

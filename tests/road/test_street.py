@@ -66,6 +66,28 @@ def test_the_reach_of_pieces_never_falls_short_of_any_before() -> None:
     assert all(street.reach[i] == np.max(street.pieces["s_high"][: i + 1]) for i in range(len(street.pieces)))
 
 
+def test_every_piece_is_in_one_block_of_its_kerb_as_it_is() -> None:
+    kerbs = straight(3.0), replace(straight(-2.0, first=20.0, last=60.0, left=False), wheels=True), straight(5.0, first=30.0, goes_on=False)
+    x = np.arange(0.0, 100.0, 0.7)
+    bent = Kerb(np.stack([x, 4.0 + np.sin(x)], axis=1), x, left=True)
+    street = Street((*kerbs, bent), 100.0, False, EAST).pieces(0.0, 100.0)
+    seen = []
+    for block in street.blocks:
+        numbers = block["numbers"][: block["count"]]
+        own = street.pieces[numbers]
+        assert np.all(np.diff(numbers) > 0)
+        for name in ("x", "y", "cos", "sin", "length"):
+            np.testing.assert_array_equal(block[name], np.append(own[name], np.full(len(block[name]) - len(own), own[name][-1])))
+        for name in ("kerb", "left", "wheels"):
+            assert np.all(own[name] == block[name])
+        assert (block["s_low"], block["s_high"]) == (np.min(own["s_low"]), np.max(own["s_high"]))
+        assert [block["corners"] >> place & 1 for place in range(16)] == [*own["corner"], *np.zeros(16 - len(own))]
+        seen += list(numbers)
+    assert sorted(seen) == list(range(len(street.pieces)))
+    assert np.all(np.diff(street.blocks["s_low"]) >= 0.0)
+    np.testing.assert_array_equal(street.block_reach, np.maximum.accumulate(street.blocks["s_high"]))
+
+
 def test_an_open_road_s_kerb_goes_on_straight_but_one_of_several_does_not() -> None:
     on, short = straight(3.0), straight(5.0, first=20.0, last=60.0, goes_on=False)
     begin, end = ends_of(pieces(on, short))
