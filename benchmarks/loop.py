@@ -20,7 +20,7 @@ import hdvplan
 from hdvplan.case import Case
 from hdvplan.judging.tracking import tracking_of
 from hdvplan.loop.closed import NOISES
-from hdvplan.loop.settings import ERRORS, LoopSettings
+from hdvplan.loop.settings import LoopSettings
 from hdvplan.report.grid import markdown_table
 from hdvplan.settings import any_of
 
@@ -81,8 +81,7 @@ def markdown(table: pd.DataFrame) -> str:
     held, fits = table["error_widest_m"] <= table["allowed_m"], table["spare_driven_m"] >= 0.0
     offset, *angles = (deviation for deviation, _ in NOISES.values())
     heading, wheels = np.degrees(angles)
-    runs = len(ERRORS) * SETTINGS.runs
-    gains = any_of([f"{1.0 + SETTINGS.gain_error * error:.1f}" for error in ERRORS])
+    runs, gains = len(SETTINGS.gains), any_of([f"{gain:.1f}" for gain in dict.fromkeys(SETTINGS.gains)])
     return f"""# Plans in a closed loop
 
 A simulated driver, pure pursuit and Stanley's controller follow the plans with the largest clearance of [the ten

@@ -35,16 +35,20 @@ def vehicle_named(source: str, *, quiet: bool) -> Vehicle:
     return vehicle
 
 
+def names_in(source: str) -> list[str]:
+    """Return the names with commas between them, or the one of a file whose name may have some."""
+    return [source] if Path(source).is_file() else [name.strip() for name in source.split(",")]
+
+
 def vehicles_named(source: str, *, quiet: bool) -> list[Vehicle]:
-    """Return the vehicles of names with commas between them, or the one of a file whose name may have some.
+    """Return the vehicles of the names in an option.
 
     Raises:
         VehicleError: as for ``vehicle_named``.
         OptionError: two have one name.
 
     """
-    named = [source] if Path(source).is_file() else [name.strip() for name in source.split(",")]
-    vehicles = [vehicle_named(name, quiet=quiet) for name in named]
+    vehicles = [vehicle_named(name, quiet=quiet) for name in names_in(source)]
     names = [vehicle.name for vehicle in vehicles]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:

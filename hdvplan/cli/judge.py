@@ -79,7 +79,7 @@ def judge(
     from hdvplan.report.files import DRAWINGS, PICTURES
 
     if loop is not None:
-        follower_named(loop)
+        follower_named(loop)  # a mistake is told before the path is followed
     kinds = output.kinds(PICTURES, DRAWINGS)
     try:
         given = read_given_path(path, driven)

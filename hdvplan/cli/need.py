@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hdvplan.answers import NO, without_word
-from hdvplan.cli.checks import check_fits, smoothed, vehicles_named
+from hdvplan.cli.checks import check_fits, names_in, smoothed, vehicles_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, SITE, VEHICLE
 from hdvplan.cli.options import WRITTEN, Output, RoadOrNoneArgument, Room, VehiclesOption, check_folder, file_name
@@ -111,6 +111,7 @@ def need(
     from hdvplan.report.paper import check_scale
 
     kinds = output.kinds(PICTURES, DRAWINGS)
+    several = len(vehicles) > 1
     for driven, found in zip(vehicles, roads, strict=True):
         track = smoothed(found, road, quiet=quiet)
         track = track if given is None else track.with_limits(*given)
@@ -126,13 +127,10 @@ def need(
                 edge = _held(track, held, getattr(room, held))
                 answer = edge_need_of(case, edge, other, prove=proof, on_progress=on_progress)
         answers.append((answer, need_json(answer, perf_counter() - began)))
-        several = len(vehicles) > 1
         directory = output.out or Path(f"{file_name(track.name)}.{'compared' if several else file_name(driven.name)}.need")
         with writing(f"to {directory}"):
             write_need(*answers[-1], directory / file_name(driven.name) if several else directory, kinds, sheet)
-    if len(answers) == 1:
-        return _told(*answers[0], directory, output)
-    return _compared(answers, directory, output)
+    return _compared(answers, directory, output) if several else _told(*answers[0], directory, output)
 
 
 def _told(answer: Need, summary: dict[str, Any], directory: Path, output: Output) -> ExitCode:
@@ -149,7 +147,6 @@ def _compared(answers: list[tuple[Need, dict[str, Any]]], directory: Path, outpu
     import pandas as pd
 
     from hdvplan.fileio import csv_bytes, write_atomically
-    from hdvplan.report.needs import need_lines
     from hdvplan.report.tables import needs_table
 
     summaries = [summary for _, summary in answers]
@@ -160,8 +157,7 @@ def _compared(answers: list[tuple[Need, dict[str, Any]]], directory: Path, outpu
         print_json(summaries)
     elif not output.quiet:
         for answer, _ in answers:
-            for line in need_lines(answer):
-                print_line(line)
+            _print_lines(answer)
         print_tables(needs_table(summaries, f"{directory}/"))
     return max(_exit_code(answer) for answer, _ in answers)
 
@@ -169,7 +165,7 @@ def _compared(answers: list[tuple[Need, dict[str, Any]]], directory: Path, outpu
 def _of_template(name: str, vehicle: str, site: SiteOptions, output: Output) -> int:
     """Find the least room for a manoeuvre that reverses."""
     template = Template(choice("--template", name, list(Template)))
-    if "," in vehicle and not Path(vehicle).is_file():
+    if len(names_in(vehicle)) > 1:
         msg = f"--template {template} takes one vehicle, not {vehicle}"
         raise OptionError(msg, hint="ask for one after the other")
     if site.size(template) is not None:
@@ -210,11 +206,17 @@ def _held(road: Road, side: str, reach: float | None) -> tuple[Kerb, ...]:
     return kerbs_on(road, side)
 
 
-def _print(answer: Need, directory: Path) -> None:
-    from hdvplan.report.needs import need_lines, widening_tables
+def _print_lines(answer: Need) -> None:
+    from hdvplan.report.needs import need_lines
 
     for line in need_lines(answer):
         print_line(line)
+
+
+def _print(answer: Need, directory: Path) -> None:
+    from hdvplan.report.needs import widening_tables
+
+    _print_lines(answer)
     print_tables(*(() if answer.widenings is None else widening_tables(answer.widenings)))
     print_line(f"written to {directory}/")
 

@@ -14,7 +14,7 @@ from hdvplan.driving.followed import GivenPath
 from hdvplan.errors import HdvplanError, RoadError
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import Verdict, verdict_of
-from hdvplan.loop.settings import ERRORS, KM_H, LoopSettings
+from hdvplan.loop.settings import KM_H, LoopSettings
 from hdvplan.loop.track import Follower, Seen, Track, follower_named
 
 STEP_S = 0.05  # of the simulation
@@ -57,7 +57,7 @@ class Driven:
 
 def followed_by(track: Track, follower: Follower, settings: LoopSettings) -> Driven:
     """Drive a track from where it begins, as often with each gain as is asked for."""
-    gains = 1.0 + settings.gain_error * np.repeat(ERRORS, settings.runs)
+    gains = np.array(settings.gains)
     runs, delay, rng = len(gains), round(settings.delay / STEP_S), np.random.default_rng(settings.seed)
     front, heading = np.tile(track.front(0.0), (runs, 1)), np.full(runs, track.course[0] - track.wheels[0])
     way, offset, rows = np.zeros(runs), np.zeros(runs), list[FloatArray]()
@@ -130,7 +130,7 @@ class ClosedLoop:
     @property
     def frame(self) -> pd.DataFrame:
         """A row for each run: its gain, its error and tracking length [m], whether it fits, the room it leaves, and where that is least."""
-        gains, rows = 1.0 + self.settings.gain_error * np.repeat(ERRORS, self.settings.runs), []
+        gains, rows = self.settings.gains, []
         for run, verdict in enumerate(self.verdicts):
             fits, *place = (False, None, None, None) if verdict is None else (verdict.fits, verdict.spare, verdict.s, verdict.side)
             rows.append((run + 1, gains[run], self.driven.error(run), self.driven.length(run), fits, *place))

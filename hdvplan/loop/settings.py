@@ -7,7 +7,7 @@ from typing import Annotated
 
 from hdvplan.settings import POSITIVE, Setting, check
 
-ERRORS = (-1.0, 0.0, 1.0)  # of the gain, in shares of its error
+_ERRORS = (-1.0, 0.0, 1.0)  # of the gain, in shares of its error
 KM_H = 3.6  # in a metre a second
 
 
@@ -45,3 +45,8 @@ class LoopSettings:
     def __post_init__(self) -> None:
         """Refuse what nobody can drive."""
         check(self)
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """The wheels' angle over the one that is wanted, of every run."""
+        return tuple(1.0 + self.gain_error * error for error in _ERRORS for _ in range(self.runs))

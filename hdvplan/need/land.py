@@ -135,12 +135,12 @@ def _strips(street: Street, kerb: Kerb, stretch: tuple[float, float]) -> list[_S
     """Return the land behind a kerb beside a stretch, in parts where the kerb goes round: what is swept in another round does not count."""
     around_all = street.closed and stretch[1] - stretch[0] >= street.length
     part = street.part(kerb, stretch[0], stretch[1] - (_CUT_M if around_all else 0.0))
-    far = np.concatenate([one.points for one in _moved(part, _FAR_M, closed=False)])
     turn, length = float(np.ptp(_heading(part.points))), stretch[1] - stretch[0]
     count = int(np.ceil(turn / _PART)) if turn > _ROUND else 1
     if count > 1 and length > count * _BESIDE_M:
         cuts = np.linspace(*stretch, count + 1).tolist()
         return [strip for one in itertools.pairwise(cuts) for strip in _strips(street, kerb, one)]
+    far = np.concatenate([one.points for one in _moved(part, _FAR_M, closed=False)])
     return [_Strip(stretch, part, far, shapely.make_valid(shapely.Polygon(np.concatenate([part.points, far[::-1]]))))]
 
 
