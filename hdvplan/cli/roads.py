@@ -64,10 +64,10 @@ def road_info(
     ] = None,
     json: JsonOption = False,
 ) -> int:
-    """Examine a road, and which preset vehicles fit it.
+    """Examine a road, and what preset vehicles need on it.
 
     This is a forecast. It takes a circle as tight as the road at each place, and asks whether the vehicle, sweeping it evenly, stays
-    between the limits.
+    between the limits. Whether it can be driven, `hdvplan plan` answers.
     """
     from hdvplan.road.load import find_road
 

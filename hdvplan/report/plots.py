@@ -131,7 +131,7 @@ def _draw_envelope(axes: Axes, result: Result, window: Window) -> None:
     _plot_expected(axes, s, result.aim[shown] - expected)
     _draw_limits(axes, result, shown, window)
     for number, finding in enumerate(result.fit.findings):
-        label = "does not fit, by geometry" if number == 0 else None
+        label = "tight or narrow, by geometry" if number == 0 else None
         s_from, s_to = max(finding.s_from, window.s_from), min(finding.s_to, window.s_to)
         if s_from < s_to:
             axes.axvspan(s_from, s_to, color=BREACH, alpha=0.15, linewidth=0.0, zorder=0, label=label)

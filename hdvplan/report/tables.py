@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
-from hdvplan.judging.fit import Fit, RoadFacts, facts_of
+from hdvplan.judging.fit import Fit, RoadFacts, Trouble, facts_of
 from hdvplan.report.grid import grid
 from hdvplan.road.options import Corners
 from hdvplan.road.road import Road, Smoothing
@@ -158,17 +158,14 @@ def facts_table(road: Road, facts: RoadFacts) -> Table:
 
 
 def fits_table(fits: list[Fit]) -> Table:
-    """Return what each vehicle needs, what is to spare, and the verdict."""
+    """Return what each vehicle needs on even circles, what is to spare, and how many places to look at."""
     rows = [(fit.vehicle, f"{fit.half_width:.2f}", "-" if fit.spare is None else f"{fit.spare:+.2f}", _fit_remark(fit)) for fit in fits]
-    columns, caption = (
-        ("vehicle", "needs +- [m]", "spare [m]", "forecast"),
-        "by curvature alone; `hdvplan plan` answers",
-    )
-    return grid("preset vehicles, balanced by geometry", columns, rows, text=("vehicle", "forecast"), caption=caption)
+    columns, caption = ("vehicle", "needs +- [m]", "spare [m]", "places to plan"), "a plan may need less or more: `hdvplan plan` answers"
+    return grid("preset vehicles on circles as tight as the road", columns, rows, text=("vehicle", "places to plan"), caption=caption)
 
 
 def findings_table(fits: list[Fit]) -> list[Table]:
-    """Return a table of the stretches that vehicles do not fit; none where all fit."""
+    """Return a table of the stretches where a circle as tight as the road is too wide or too tight; none where there are none."""
     rows = []
     for fit in fits:
         for finding in fit.findings[:_MOST_FINDINGS]:
@@ -178,13 +175,25 @@ def findings_table(fits: list[Fit]) -> list[Table]:
     left_out = sum(max(0, len(fit.findings) - _MOST_FINDINGS) for fit in fits)
     caption = f"the first {_MOST_FINDINGS} of each; --json lists {left_out} more" if left_out else None
     columns = ("vehicle", "from [m]", "to [m]", "what", "has", "needs")
-    return [grid("stretches where a vehicle does not fit", columns, rows, text=("vehicle", "what"), caption=caption)] if rows else []
+    return (
+        [
+            grid(
+                "places to plan, by circles as tight as the road",
+                columns,
+                rows,
+                text=("vehicle", "what"),
+                caption=caption,
+            )
+        ]
+        if rows
+        else []
+    )
 
 
 def _fit_remark(fit: Fit) -> str:
     if not fit.long_enough:
         return "longer than the road"
-    if fit.findings:
-        count = len(fit.findings)
-        return f"no: {count} place{'s' if count > 1 else ''}, see below"
-    return "the road has no limits" if fit.spare is None else "fits everywhere"
+    narrow = sum(finding.trouble is Trouble.WIDTH for finding in fit.findings)
+    counts = {"narrow": narrow, "tight": len(fit.findings) - narrow}
+    words = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
+    return words or ("the road has no limits" if fit.spare is None else "none")
