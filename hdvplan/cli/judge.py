@@ -26,7 +26,7 @@ _JUDGED = ("clearance", "tracking_error", "tracking_length")
 
 @with_settings
 def judge(
-    path: Annotated[Path, typer.Argument(metavar="PATH.csv", help="The path: columns x, y and, if known, heading, beta1, ...")],
+    path: Annotated[Path, typer.Argument(metavar="PATH.csv", help="The path: columns x, y or lon, lat and, if known, heading, beta1, ...")],
     road: RoadArgument,
     vehicle: VehicleOption,
     *,
@@ -49,7 +49,8 @@ def judge(
     """Judge a path of your own, of whatever planner, in the street of a road.
 
     The middle of the lead unit's rear axle follows PATH.csv exactly; its trailers are simulated. x and y are in the plane of the road's
-    path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. Prints and writes what `hdvplan plan` does.
+    path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. A track that was recorded is smoothed first.
+    Prints and writes what `hdvplan plan` does.
 
     With --loop a simulated driver or controller follows PATH.csv, with delay, noise and gain errors; loop.csv has a row for each run,
     loop_worst.csv is the path of the run with the least room.
@@ -82,7 +83,7 @@ def judge(
         follower_named(loop)  # a mistake is told before the path is followed
     kinds = output.kinds(PICTURES, DRAWINGS)
     try:
-        given = read_given_path(path, driven)
+        given = read_given_path(path, driven, None if found.line is None else found.line.raw.to_lonlat)
     except OSError as error:
         msg = f"{path} cannot be read: {error.strerror or 'there is no such file'}"
         raise RoadError(msg) from error

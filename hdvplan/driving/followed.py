@@ -17,6 +17,7 @@ from hdvplan.planning.objectives import Objective
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.road.arcs import wrapped
+from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat
 from hdvplan.road.load_csv import read_columns
 from hdvplan.road.passages import Passage
 from hdvplan.road.path import ReferencePath, project_many
@@ -35,6 +36,7 @@ _ROUNDED = 2e-3  # curvature [1/m] by which it may be exceeded
 _SAME_M = 0.05  # two places of a road are one
 _NEWTON = 4  # steps; the first guess is between points that are at most some metres apart
 _FORWARD = 0.05  # cosine of the angle to the line, at least
+_PLANE_HINT = "its x and y are in the plane of the road's path, as in the path.csv that `hdvplan plan` writes"
 _HINT = "x and y are the middle of the lead unit's rear axle, heading its direction [rad, counter-clockwise from x]"
 
 
@@ -62,22 +64,32 @@ class Followed:
     apart: float | None  # None where it says nothing of them
 
 
-def read_given_path(path: Path, vehicle: Vehicle) -> GivenPath:
+def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = None) -> GivenPath:
     """Return the path in a CSV file with columns x, y and, if it has them, heading, beta1, ..., steering1, ...; as ``path.csv`` is written.
 
+    Columns lon, lat [deg] do as well, along a road whose plane has ``to_lonlat``.
+
     Raises:
-        RoadError: as for ``read_columns``.
+        RoadError: as for ``read_columns``, or degrees along a road that has none.
         OSError: the file cannot be read.
 
     """
     couplings = [f"beta{number}" for number in range(1, len(vehicle.units))]
     steered = [f"steering{number}" for number in range(1, len(vehicle.active) + 1)]
-    columns = read_columns(path, ("x", "y"), "path", ("heading", *couplings, *steered))
+    columns = read_columns(path, ("x", "y"), "path", ("heading", *couplings, *steered), instead=("lon", "lat"))
 
     def together(names: list[str]) -> FloatArray | None:
         return np.column_stack([columns[name] for name in names]) if names and all(name in columns for name in names) else None
 
-    points = np.column_stack([columns["x"], columns["y"]])
+    if "lon" not in columns:
+        points = np.column_stack([columns["x"], columns["y"]])
+    elif to_lonlat is None:
+        msg = f"path {path.name} is in degrees, and the road is not"
+        raise RoadError(msg, hint=_PLANE_HINT)
+    else:
+        degrees = np.column_stack([columns["lon"], columns["lat"]])
+        check_lonlat(degrees, f"path {path.name}")
+        points = IntoPlane(LONLAT, to_lonlat.plane)(degrees)
     return GivenPath(points, columns.get("heading"), together(couplings), together(steered))
 
 
@@ -92,6 +104,7 @@ def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: Give
         PlanError: a curvature that the vehicle cannot steer, or a motion that leaves the model's domain.
 
     """
+    _refuse_far(road.path, path.points[:1])
     curve = _Curve.of(path, vehicle)
     line = road.path.extended(_ROOM_M + vehicle.reach_behind, curve.length + _ROOM_M)
     (feet, offsets), step = _feet(line, road.path.length, curve.points), settings.step
@@ -224,8 +237,8 @@ def _feet(line: ReferencePath, length: float, points: FloatArray) -> FloatArray:
     away = apart + _FAR_M * (np.cos(there.heading - ahead) < 0.0)
     near = float(s[np.argmax(away < np.min(away) + _SAME_M)])  # the first one: the ends of a closed road are one place
     if np.min(away) > _FAR_M:
-        msg = f"the path begins {np.min(apart):.0f} m away from the road, or against it"
-        raise RoadError(msg, hint="its x and y are in the plane of the road's path, as in the path.csv that `hdvplan plan` writes")
+        msg = f"the path begins {np.min(apart):.0f} m away from the road, against its direction"
+        raise RoadError(msg, hint="--reverse judges it along the road driven the other way")
     feet = np.empty((2, len(points)))
     step = 0.0
     for number, (x, y) in enumerate(points):
@@ -236,6 +249,20 @@ def _feet(line: ReferencePath, length: float, points: FloatArray) -> FloatArray:
         feet[:, number], near = found[:2, 0], float(found[0, 0])
         step = float(np.hypot(*(points[number + 1] - points[number]))) if number + 1 < len(points) else 0.0
     return feet
+
+
+def _refuse_far(line: ReferencePath, points: FloatArray) -> None:
+    """Refuse a path whose ``points``, (n, 2) [m], lie far from the road, before anything else is found wrong with it.
+
+    Raises:
+        RoadError: all of them do.
+
+    """
+    there = line.at(np.linspace(0.0, line.length, int(np.ceil(line.length)) + 1))
+    apart = float(np.min(np.hypot(there.x[:, None] - points[:, 0], there.y[:, None] - points[:, 1]))) if len(points) else 0.0
+    if apart > _FAR_M:
+        msg = f"the path begins {apart:.0f} m away from the road"
+        raise RoadError(msg, hint=f"{_PLANE_HINT}, or lon and lat")
 
 
 def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray) -> None:
@@ -254,7 +281,11 @@ def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray
         worst = float(np.max(np.abs(kappa)))
         turns = f"it turns with up to {worst:.3f} 1/m, the {vehicle.name} with {vehicle.max_curvature:.3f}"
         msg = f"from s = {place:.1f} m on the path is too tight: {turns}"
-        raise PlanError(msg, s_m=place, hint="no vehicle of this kind can drive it; are its points exact to some millimetres?")
+        raise PlanError(
+            msg,
+            s_m=place,
+            hint="its points count to the millimetre: smooth a track that was recorded, or `hdvplan plan` along it as a road",
+        )
 
 
 def _poses(

@@ -83,6 +83,11 @@ def has_geometry(titles: list[str]) -> bool:
     return any(folded(title) in _GEOMETRY for title in titles)
 
 
+def meaning_of(title: str) -> str | None:
+    """Return what a column is called here by any of its spellings, such as ``lon`` for ``Longitude``; None if it is unknown."""
+    return _MEANINGS.get(folded(title))
+
+
 def columns_of(titles: list[str], where: str) -> Columns:
     """Return what the columns called ``titles`` are; ``where`` begins the messages.
 

@@ -13,7 +13,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
 from hdvplan.road.checks import LARGEST_M, Unit, refuse_no_street, refuse_unreadable, text_of
-from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, folded, has_geometry, is_header, unread_note
+from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, folded, has_geometry, is_header, meaning_of, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import unheeded
 from hdvplan.road.leg_lines import in_legs, signs_in
@@ -75,8 +75,12 @@ def read_csv(text: str, name: str, *, crs: str | None = None, unit: str | None =
     return read_table(_table(text, name), name, crs=crs, unit=unit)
 
 
-def read_columns(path: Path, wanted: Sequence[str], what: str, optional: Sequence[str] = ()) -> dict[str, FloatArray]:
+def read_columns(
+    path: Path, wanted: Sequence[str], what: str, optional: Sequence[str] = (), instead: Sequence[str] = ()
+) -> dict[str, FloatArray]:
     """Return the ``wanted`` columns of a CSV file, and of ``optional`` ones those that it has; ``what`` the file is, is for the messages.
+
+    Where it has none of the ``wanted`` columns but all of those ``instead``, in any spelling that a road's may have, these are returned.
 
     It is written as a road's may be. A column may have its unit in its title: ``s``, ``s_m`` and ``S [m]`` are the same.
 
@@ -92,6 +96,9 @@ def read_columns(path: Path, wanted: Sequence[str], what: str, optional: Sequenc
     layout = f"its header is {','.join(wanted)}"
     table = _table(text_of(path, what), name, layout)
     titles = [folded(title).removesuffix("_m") for title in table.titles]
+    spelt = [meaning if (meaning := meaning_of(title)) and meaning in instead else folded(title) for title in table.titles]
+    if instead and not set(wanted) & set(titles) and set(instead) <= set(spelt):
+        wanted, titles = instead, spelt
     for title in (*wanted, *optional):
         if titles.count(title) > 1 or (title in wanted and title not in titles):
             msg = f"{name}: column {title} occurs twice" if title in titles else f"{name} has no column {title!r}"

@@ -48,6 +48,20 @@ def test_a_plan_s_own_path_is_judged_as_the_plan_was(cli: Cli, planned: Path, sh
     assert cli("report", "plan", "judged", "--out", "both.html").code == 0
 
 
+def test_a_path_in_degrees_is_judged_as_the_same_in_metres(cli: Cli) -> None:
+    arguments = ("monaco_fairmont_hairpin", "--vehicle", "bus", "--half-width", "3.5", "--no-plot")
+    assert cli("plan", *arguments, "--out", "plan").code in {0, 1}
+    path = pd.read_csv("plan/path.csv")
+    to_lonlat = hdvplan.load_road("monaco_fairmont_hairpin").to_lonlat
+    assert to_lonlat is not None
+    lon, lat = to_lonlat(path["x"].to_numpy(), path["y"].to_numpy())
+    path.assign(longitude=lon, Latitude=lat)[["longitude", "Latitude", "heading"]].to_csv("degrees.csv", index=False)
+    for name in ("plan/path.csv", "degrees.csv"):
+        assert cli("judge", name, *arguments, "--out", Path(name).stem).code in {0, 1}
+    before, after = summary("path"), summary("degrees")
+    assert after["min_clearance_m"] == pytest.approx(before["min_clearance_m"], abs=_ROUNDING_M)
+
+
 def test_a_path_round_a_closed_road_begins_where_the_road_does(cli: Cli) -> None:
     arguments = ("neubrandenburg_ring", "--vehicle", "bus", "--half-width", "2.8", "--no-plot")  # its ends are one place
     assert cli("plan", *arguments, "--out", "plan").code == 0
@@ -79,8 +93,10 @@ def test_a_part_of_a_road_is_judged_by_itself_and_said(cli: Cli, planned: Path, 
     ("spoil", "words"),
     [
         (lambda path: path.iloc[::-1], "180 degrees off its heading"),
-        (lambda path: path.iloc[::-1].drop(columns="heading"), "against it"),
+        (lambda path: path.iloc[::-1].drop(columns="heading"), "against its direction"),
         (lambda path: path.assign(x=path["x"] + 1e4), "m away from the road"),
+        (lambda path: path.assign(x=path["x"] + 1e4, heading=path["heading"] + 2.0), "m away from the road"),
+        (lambda path: path[["x", "y"]].set_axis(["lon", "lat"], axis=1), "is in degrees, and the road is not"),
         (lambda path: path.drop(columns="x"), "has no column 'x'"),
         (lambda path: path.iloc[:1], "fewer than two different points"),
         (lambda path: path.iloc[:6], "less than the tractor-trailer is long"),
