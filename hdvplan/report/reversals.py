@@ -85,7 +85,8 @@ def reversal_tables(answer: Answer, directory: str) -> tuple[Table, ...]:
     columns = ("leg", "direction", "length [m]", "heading [deg]", "articulation [deg]", "least room [m]", "beside")
     legs = grid(
         f"{answer.vehicle.name}, {answer.template}, {answer.size:.2f} m of {answer.template.words}", columns, rows,
-        text=("direction", "beside"), caption=f"articulation: the largest of the leg; written to {directory}",
+        text=("direction", "beside"),
+        caption=f"articulation: the largest of the leg; room: what the least {answer.template.words} leaves; written to {directory}",
     )  # fmt: skip
     return (legs,) if answer.template.docks else (legs, _tried_table(summary["tried"], answer.template.words))
 

@@ -19,7 +19,7 @@ def verdict(answer: Answer) -> str:
     if answer.given is None:
         return _with_name(worded(NEEDS, f"{size}: {{}} {_does(answer)} in {_legs(chosen)}"), answer.vehicle)
     if answer.fits:
-        spare = room_text(answer.given - chosen.manoeuvre.size, fits=True)
+        spare = room_text(answer.given - chosen.manoeuvre.size, fits=True).replace(" to spare", " of it to spare")
         return _with_name(worded(YES, f"{{}} {_does(answer)} in {_legs(chosen)} in {size}, {spare}"), answer.vehicle)
     return _with_name(worded(NO, f"no way was found for {{}} in {_given(answer)}; {size} do, in {_legs(chosen)}"), answer.vehicle)
 
