@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from rich.table import Table
 
 from hdvplan.answers import NEEDS, NO, YES, worded
@@ -43,7 +44,11 @@ def need_lines(need: Need) -> list[str]:
     kept = f", {need.case.settings.clearance:.2f} m of clearance included" if need.case.settings.clearance > 0.0 else ""
     if need.room.result is not None and need.place is not None:
         where = "to both sides of the line" if need.side is None else f"on the {need.side}"
-        lines.append(worded(NEEDS, f"{need.room.room:.2f} m {where} for the {vehicle}{kept}: decided {_place_text(need, need.place)}"))
+        lines.append(
+            worded(
+                NEEDS, f"{need.room.room:.2f} m {where} for the {vehicle}{kept}{_instead(need)}: decided {_place_text(need, need.place)}"
+            )
+        )
     elif need.side is None:
         lines.append(worded(NO, f"no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need.room)}"))
     else:
@@ -51,6 +56,13 @@ def need_lines(need: Need) -> list[str]:
     if need.bound is not None:
         lines[-1] += f"; {_bound_text(need, need.bound)}"
     return lines
+
+
+def _instead(need: Need) -> str:
+    """Return that a half width is of another street than the road's own, where that has edges drawn or widths that change."""
+    road = need.case.road
+    even = road.limits is None or (road.drawn is None and all(np.ptp(reach) == 0.0 for reach in road.limits.table(road.limits.s)))
+    return "" if even or need.side is not None else ", were the street as wide as that throughout"
 
 
 def _bound_text(need: Need, bound: Bound) -> str:

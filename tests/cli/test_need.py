@@ -71,6 +71,13 @@ def test_several_vehicles_are_answered_together(cli: Cli, bend: str) -> None:
 
 
 @pytest.mark.slow
+def test_a_half_width_is_of_another_street_where_the_road_has_edges_of_its_own(cli: Cli, tmp_path: Path) -> None:
+    rows = "\n".join(f"{x},0,{2.5 + 0.01 * x},2.5" for x in range(0, 61, 5))
+    (tmp_path / "widening.csv").write_text(f"x,y,left_m,right_m\n{rows}\n", encoding="utf-8")
+    told = cli("need", "widening.csv", "--vehicle", "bus", "--no-proof").out.splitlines()[1]
+    assert " m to both sides of the line for the bus, were the street as wide as that throughout: decided at s = " in told
+
+
 def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path: Path, bend: str) -> None:
     wanted = ("--format", "dxf,gpkg", "--sheet", "a4", "--stamp", "project=Line 18")
     outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "2.1", "--out", "out", "--no-proof", *wanted)
