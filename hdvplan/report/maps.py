@@ -261,8 +261,8 @@ def draw_north(axes: Axes, tip: tuple[float, float], turn: float = 0.0) -> None:
     """Draw a north arrow to ``tip``, a place as shares of the axes, on a map that is turned by ``turn`` [rad]."""
     axes.annotate(
         "N", tip, (_NORTH_PT * np.sin(turn), -_NORTH_PT * np.cos(turn)), xycoords="axes fraction", textcoords="offset points",
-        ha="center", va="center", fontsize="small", fontweight="bold", arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.2},
-        zorder=9,
+        ha="center", va="center", fontsize="small", fontweight="bold", bbox=ON_WHITE,
+        arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.2}, zorder=9,
     )  # fmt: skip
 
 

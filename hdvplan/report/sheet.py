@@ -77,10 +77,11 @@ def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None 
     told = answer or _planned(result)
     strays = tracking_line(result) if answer is None or told.fits else ""
     driver = (("driver", strays),) if strays else ()
-    around = drive.vehicle.reach_ahead + drive.vehicle.reach_behind
+    around, shown = drive.vehicle.reach_ahead + drive.vehicle.reach_behind, list[float]()  # a place is enlarged on one sheet
 
     def sheet(page: Page) -> Sheet:
-        places = places_of(result, page, places_on(options))
+        places = places_of(result, page, places_on(options), shown)
+        shown.extend(room.s for _, room in places)
         tubes = tubes_of(result, [(room.s - around, room.s + around) for _, room in places])
         about = (f"{drive.road.name}, {drive.road.path.length:.1f} m", drive.road.notice)
         rows = rows_of([result], about, page, options, date)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
@@ -33,13 +35,19 @@ _LETTER_PT = 25.0  # from the place that it names
 _BUBBLE_MM, _FREE_MM = 4.0, 6.5  # of a letter's circle to the frame; from it to a station's number
 _ASIDE_MM, _BELOW_MM, _ABOVE_MM = 19.0, 9.0, 4.0  # of an enlarged place's text to the frame, and to the head
 _KEY_POINTS = 400
+_LEVEL = 1e-3  # turn of a sheet with north up [rad]
 _SMALL, _TINY = 7.0, 6.0  # of type [pt]
 
 
-def places_of(result: Result, page: Page, most: int) -> list[tuple[str, Room]]:
-    """Return the tightest places of a sheet, and others nearly as tight, lettered in road order."""
+def places_of(result: Result, page: Page, most: int, shown: Sequence[float] = ()) -> list[tuple[str, Room]]:
+    """Return the tightest places of a sheet, and others nearly as tight, lettered in road order.
+
+    Near those ``shown`` at s [m] only tighter ones count.
+    """
     s, score = result.envelope.s, tightness(result)
     inside = np.where((s >= page.s_from) & (s <= page.s_to), score, -np.inf)
+    for at in shown:
+        inside[(np.abs(s - at) < _PLACES_APART_M) & (score <= np.interp(at, s, score))] = -np.inf
     found = sorted(peaks(s, nearly(inside), _PLACES_APART_M, most))
     return [(chr(ord("A") + number), room_at(result, at)) for number, at in enumerate(found)]
 
@@ -91,7 +99,7 @@ def draw_key(axes: Axes, path: ReferencePath, page: Page) -> None:
         axes.plot(*path.to_plane(np.linspace(s_from, s_to, _KEY_POINTS), 0.0), color=colour, linewidth=width)
     axes.margins(0.15)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.text(0.5, 0.97, "key plan", transform=axes.transAxes, ha="center", va="top", fontsize=_TINY, color=MUTED)
+    axes.text(0.5, 0.97, "key plan", transform=axes.transAxes, ha="center", va="top", fontsize=_TINY, color=MUTED, bbox=ON_WHITE, zorder=9)
 
 
 def draw_marks(axes: Axes, page: Page, size_mm: tuple[float, float], *, north: bool) -> None:
@@ -99,6 +107,17 @@ def draw_marks(axes: Axes, page: Page, size_mm: tuple[float, float], *, north: b
     mm, (left, right), low = page.scale / 1e3, axes.get_xlim(), axes.get_ylim()[0]
     axes.add_patch(Rectangle((left, low), right - left, BAND_MM * mm, facecolor="white", edgecolor=INK, linewidth=0.5, zorder=8.5))
     _draw_bar(axes, page, size_mm)
+    if north and abs(page.turn) > _LEVEL:
+        axes.text(
+            1.0 - 22.0 / size_mm[0],
+            7.5 / size_mm[1],
+            "north is not up here",
+            transform=axes.transAxes,
+            fontsize=_SMALL,
+            ha="right",
+            va="center",
+            zorder=9,
+        )
     if north:
         draw_north(axes, (1.0 - 10.0 / size_mm[0], 12.0 / size_mm[1]), page.turn)
 

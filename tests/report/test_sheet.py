@@ -20,7 +20,7 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.report import sheet
 from hdvplan.report.paper import SCALES, Page, SheetOptions, pages_of
 from hdvplan.report.sheet import sheet_bytes
-from hdvplan.report.sheetmap import inset_scale
+from hdvplan.report.sheetmap import inset_scale, places_of
 from tests.report.pdf import strokes
 
 FIELD_MM = (290.0, 200.0)
@@ -94,6 +94,16 @@ def test_of_a_road_too_long_for_sheets_the_tight_stretches_are_drawn(long: Resul
     assert len(pages) == 2  # it has two bends
     assert all("only the tightest stretches" in page.caption for page in pages)
     assert pages[0].s_from < 150.0 < pages[0].s_to < pages[1].s_from < 350.0 < pages[1].s_to
+
+
+def test_a_place_is_enlarged_on_one_sheet_unless_the_next_has_a_tighter_one_beside_it(long: Result) -> None:
+    page = Page(0.0, long.drive.road.path.length, 0.0, (0.0, 0.0), 500)
+    shown = [room.s for _, room in places_of(long, page, 3)]
+    again = [room.s for _, room in places_of(long, page, 3, shown)]
+    assert shown
+    assert all(abs(one - other) >= 10.0 for one in shown for other in again)
+    (tightest,) = (room.s for _, room in places_of(long, page, 1))
+    assert places_of(long, page, 1, [tightest + 5.0])[0][1].s == tightest  # the first sheet ended on its shoulder
 
 
 def test_a_scale_without_room_for_the_vehicle_is_refused(bus: Result) -> None:
