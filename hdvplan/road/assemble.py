@@ -96,7 +96,7 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     regions: list[Region] = []
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
-    unread = () if routes else _unread_note(features, {line.feature.layer for line in chosen}, name, choice)
+    unread = () if routes else _unread_note(features, lines, chosen, name, choice, unit.metres)
     return replace(
         drawn[0],
         points=np.concatenate([one.points for one in drawn]),
@@ -154,15 +154,46 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
     raise RoadError(msg)
 
 
-def _unread_note(features: list[Feature], own: set[str], name: str, choice: Choice) -> tuple[str, ...]:
-    """Return a note on the layers that are not read beside the line's ``own``, and how one would be; none without any."""
-    used = {*own, ""} | {feature.layer for feature in features if feature.properties.get("region") or role_of(feature, choice)}
-    layers = [printable(one)[:_LONGEST] for one in dict.fromkeys(feature.layer for feature in features) if one not in used]
-    if not layers:
+def _unread_note(
+    features: list[Feature], lines: list[_Line], chosen: list[_Line], name: str, choice: Choice, metres: float
+) -> tuple[str, ...]:
+    """Return a note on the layers that are not read beside those of the ``chosen`` lines, and how one would be; none without any.
+
+    Of a drawing, whose unit is ``metres`` long, it tells which of them lie nearer the line than all that is read.
+    """
+    read = [feature for feature in features if feature.properties.get("region") or role_of(feature, choice)]
+    used = {"", *(line.feature.layer for line in chosen), *(feature.layer for feature in read)}
+    unread: dict[str, list[Feature]] = {}
+    for feature in features:
+        if feature.layer not in used:
+            unread.setdefault(feature.layer, []).append(feature)
+    if not unread:
         return ()
-    listed = ", ".join(repr(one) for one in layers[:_UNREAD]) + (f" and {len(layers) - _UNREAD} more" if len(layers) > _UNREAD else "")
+    near = {layer: metres * _apart(chosen, [line for line in lines if line.feature.layer == layer]) for layer in unread}
+    least = metres * _apart(chosen, [line for line in lines if any(line.feature is one for one in read)])
+    nearer = sorted((layer for layer in unread if near[layer] < least < np.inf), key=lambda layer: near[layer])
+    layers = [*nearer, *(layer for layer in unread if layer not in nearer)]
+    shown = [printable(layer)[:_LONGEST] for layer in layers]
+    entities = [f"{len(unread[layer])} {'entity' if len(unread[layer]) == 1 else 'entities'}" for layer in layers]
+    listed = ", ".join(f"{one!r} ({count})" for one, count in zip(shown[:_UNREAD], entities, strict=False))
+    listed += f" and {len(layers) - _UNREAD} more" if len(layers) > _UNREAD else ""
     several, reads = ("layers", "reads one") if len(layers) > 1 else ("layer", "reads it")
-    return (f'{name}: {several} {listed} not read; --role "{layers[0]}=edge" or =obstacle or =sweepable {reads}',)
+    told = f"{name}: NOT READ: {several} {listed}"
+    if nearer:
+        told += f"; {shown[0]!r} lies nearer the line, {near[nearer[0]]:.1f} m, than all that is read, {least:.1f} m"
+    return (f'{told}; --role "{shown[0]}=edge" or =obstacle or =sweepable {reads}',)
+
+
+def _apart(chosen: list[_Line], lines: list[_Line]) -> float:
+    """Return how near drawn ``lines`` come to the chosen ones [the drawing's unit]; infinite without any."""
+    own, others = (
+        shapely.MultiLineString(
+            [np.asarray(part, dtype=float)[:, :2] for one in those if one.feature.drawn for part in one.parts if len(part) > 1]
+        )
+        for those in (chosen, lines)
+    )
+    apart = float(shapely.distance(own, others))
+    return apart if np.isfinite(apart) else np.inf
 
 
 def _listed(lines: list[_Line]) -> str:

@@ -68,7 +68,10 @@ def test_a_drawing_in_millimetres_has_the_verdict_of_the_one_in_metres(cli: Cli,
         unit = ("--unit", "mm") if code == 0 else ()
         planned = cli("plan", name, "--layer", "AXIS", *unit, "--vehicle", "bus", "--no-plot", "--json")
         assert planned.code == 0
-        assert f"{name}: layer 'TREES' not read; --role \"TREES=edge\" or =obstacle or =sweepable reads it" in planned.err.splitlines()
+        assert (
+            f"{name}: NOT READ: layer 'TREES' (1 entity); --role \"TREES=edge\" or =obstacle or =sweepable reads it"
+            in planned.err.splitlines()
+        )
         spare.append(json.loads(planned.out)["verdict"]["spare_m"])
     assert 0.0 < spare[0] < 1.0  # of 1.75 m beside a bus of 2.55 m
     assert spare[1:] == pytest.approx([spare[0]] * 2, abs=1e-6)  # a product's rounding, through a solver that stops at 1e-8

@@ -209,10 +209,12 @@ def test_feet_have_no_place_in_a_system_in_metres_and_units_have_names() -> None
 
 def test_layers_that_are_not_read_are_noted_with_the_role_that_would_read_them(tmp_path: Path) -> None:
     file = drawing(tmp_path / "site.dxf", "m", layers={"KERB_OLD": beside(3.0), "TREES": beside(6.0)})
-    note = """site.dxf: layers 'KERB_OLD', 'TREES' not read; --role "KERB_OLD=edge" or =obstacle or =sweepable reads one"""
+    listed = "NOT READ: layers 'KERB_OLD' (1 entity), 'TREES' (1 entity)"
+    nearer = "'KERB_OLD' lies nearer the line, 3.0 m, than all that is read, 4.0 m"
+    note = f'site.dxf: {listed}; {nearer}; --role "KERB_OLD=edge" or =obstacle or =sweepable reads one'
     assert load_road(file, ON_AXIS).notes == (note,)
-    roles = RoadOptions(layer="AXIS", roles=("KERB_OLD=edge", "TREES=edge"))
-    assert load_road(file, roles).notes == ()
+    (note,) = load_road(file, RoadOptions(layer="AXIS", roles=("KERB_OLD=edge",))).notes
+    assert note.startswith("site.dxf: NOT READ: layer 'TREES' (1 entity); --role")
     many = {f"LAYER_{i}": beside(5.0 + i) for i in range(40)}
     (note,) = load_road(drawing(tmp_path / "many.dxf", "m", layers=many), ON_AXIS).notes
-    assert "'LAYER_7' and 32 more not read" in note
+    assert "'LAYER_7' (1 entity) and 32 more; --role" in note
