@@ -147,8 +147,10 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     from hdvplan.judging.result import breach_text, entered_text
     from hdvplan.judging.verdict import strays_text
 
+    what = "plan" if result.planned else "path"
     if verdict.strays is not None:
-        report_error(f"the plan {strays_text(verdict)}", "--clearance M plans with more room to err")
+        more = "--clearance M plans with more room to err" if result.planned else "`hdvplan plan --clearance M` plans with more room to err"
+        report_error(f"the {what} {strays_text(verdict)}", more)
         return ExitCode.BROKEN
     if verdict.fits is not False:
         return ExitCode.OK
@@ -157,7 +159,7 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     if breach is not None and (hit is None or breach.depth >= -hit.distance):
         report_error(
             breach_text(result, breach),
-            f"this plan sweeps a half width of {verdict.half_width:.2f} m; "
+            f"this {what} sweeps a half width of {verdict.half_width:.2f} m; "
             "`hdvplan need ROAD --vehicle NAME` finds the least room that a plan needs",
         )
     elif hit is not None:

@@ -149,16 +149,16 @@ def steering_of(drive: Drive) -> SteeringUse:
 
 def steering_texts(drive: Drive, found: SteeringUse) -> list[str]:
     """Return a sentence for everything that a driver would find too much, naming its first or worst place."""
-    texts = []
+    texts, what_is = list[str](), "plan" if drive.plans else "path"
     if found.swings:
         first, last = found.swings[0]
         more = f", and at {len(found.swings) - 1} more places" if len(found.swings) > 1 else ""
-        texts.append(f"the plan swings from lock to lock between s = {first:.1f} and {last:.1f} m, within the vehicle's length{more}")
+        texts.append(f"the {what_is} swings from lock to lock between s = {first:.1f} and {last:.1f} m, within the vehicle's length{more}")
     for use, what in ((found.curvature, "steering"), (found.rate, "steering rate")):
         if use.stretches:
             total = sum(last - first + drive.settings.step for first, last in use.stretches)
             texts.append(
-                f"the plan uses {100.0 * use.share:.0f} % of the {what} at s = {use.s:.1f} m, over 95 % along {total:.1f} m of road"
+                f"the {what_is} uses {100.0 * use.share:.0f} % of the {what} at s = {use.s:.1f} m, over 95 % along {total:.1f} m of road"
             )
     return texts
 

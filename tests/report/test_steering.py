@@ -34,6 +34,8 @@ def test_steering_that_is_used_up_is_told_with_its_place(straight: Result) -> No
     texts = steered(straight, kappa)
     assert texts[0] == "the plan uses 97 % of the steering at s = 30.0 m, over 95 % along 2.0 m of road"
     assert "of the steering rate at s = " in texts[1]
+    given = replace(straight.drive, kappa=kappa, plans=())  # a path of one's own
+    assert steering_texts(given, steering_of(given))[0] == texts[0].replace("the plan", "the path")
 
 
 @pytest.mark.parametrize(("apart", "told"), [(8.0, True), (30.0, False)])
