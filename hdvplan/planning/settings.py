@@ -89,7 +89,12 @@ class PlanOptions:
         ),
     ] = None
     beside: Annotated[
-        str | None, Setting("Keep free what another plan swept, as of a bus that comes the other way: the folder that it is in.", "DIR")
+        str | None,
+        Setting(
+            "Keep free what another plan swept, as of a bus that comes the other way: "
+            "first `plan ROAD --vehicle OTHER --reverse --out DIR`, then this one with --beside DIR.",
+            "DIR",
+        ),
     ] = None
     proof: Annotated[
         bool, Setting("If the plan breaks limits, look for a proof that no plan keeps them.", names=("--proof/--no-proof",))

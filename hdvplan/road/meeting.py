@@ -33,7 +33,9 @@ def beside_swept(road: Road, folder: Path) -> Road:
         label, on_earth = f"{named['vehicle']} on {named['road']}", "note" not in named
     except (OSError, ValueError, LookupError, TypeError, AttributeError, shapely.errors.ShapelyError) as error:
         msg = f"{folder} has no {_SWEPT} with the area that a plan swept"
-        raise OptionError(msg, hint="give the folder that `hdvplan plan` wrote for the other vehicle") from error
+        raise OptionError(
+            msg, hint="plan the other vehicle first, `hdvplan plan ROAD --vehicle OTHER --out other`, then this one with `--beside other`"
+        ) from error
     into = IntoPlane(LONLAT, road.to_lonlat.plane) if isinstance(road.to_lonlat, ToLonLat) else None
     if on_earth != (into is not None):
         msg = f"what {label} swept is in {'degrees' if on_earth else 'metres'}, and {road.name} is not"
