@@ -159,7 +159,7 @@ def _panel(plan: PlanFiles, heading: str, short: str, edges: FloatArray) -> Json
         "obstacles": sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:MOST_OBSTACLES],
         "kept_m": KEPT_M,
         "regions": sorted({region["region"] for region in plan.regions}),
-        "times": _histogram(plan.steps["total_ms"].to_numpy(), edges),
+        "times": _histogram(plan.steps["total_ms"].round(4).to_numpy(), edges),
         "notice": summary.get("notice"),
     }
 

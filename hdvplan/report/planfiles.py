@@ -138,7 +138,7 @@ def _check_tables(plan: PlanFiles) -> None:
 
 
 def payload_of(plan: PlanFiles) -> Json:
-    """Return one plan for the page: names, bodies, packed columns at equal arclengths, planning steps, broken limits, regions."""
+    """Return one plan for the page: names, bodies, packed columns at equal arclengths, broken limits, regions."""
     envelope, profile, summary = plan.envelope, plan.profile, plan.summary
     stride = max(1, round(SPACING_M / float(envelope["s"][1] - envelope["s"][0])))
     thin = slice(None, None, stride)
@@ -161,7 +161,6 @@ def payload_of(plan: PlanFiles) -> Json:
         "count": len(s),
         "spacing": float(s[1] - s[0]),
         "columns": columns,
-        "steps": {"s": plan.steps["s"].round(2).tolist(), "ms": plan.steps["total_ms"].round(4).tolist()},
         "breaches": summary["breaches"],
         "places": tight_places(plan),
         "regions": [{"region": item["region"], "rings": _beside(item["rings"], float(x[0]), float(y[0]))} for item in plan.regions],

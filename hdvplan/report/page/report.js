@@ -345,7 +345,7 @@
     const charts = [{ name: "reach [m]", share: 1.6, reach: true },
       { name: "curvature [1/m]", share: 1, solid: [[at.road_curvature, "--muted", 1], [at.kappa, "--body0", 1]], dotted: [[at.expected_curvature, 1]] }];
     if (solid.length) charts.push({ name: "articulation [deg]", share: 1, solid, dotted });
-    return [...charts, { name: "step time [ms]", share: 0.9, steps: true }];
+    return charts;
   }
 
   function drawCharts(panel) {
@@ -366,15 +366,13 @@
         series.push(run.map((i) => panel.left[i]), run.map((i) => panel.right[i]), run.map((i) => at.expected_left[i]), run.map((i) => at.expected_right[i]));
         const seen = 2 * Math.max(...series.map((one) => Math.max(...extremes(one).map(Math.abs))));
         for (const name of ["left_limit", "right_limit", "left_sweep_limit", "right_sweep_limit"]) if (at[name]) series.push(run.map((i) => (Math.abs(at[name][i]) < seen ? at[name][i] : NaN)));
-      } else if (chart.steps) {
-        series.push([0, ...plan.steps.ms.filter((_, k) => plan.steps.s[k] >= from && plan.steps.s[k] <= to)]);
       } else {
         for (const [values, , factor] of chart.solid) series.push(run.map((i) => values[i] * factor));
         for (const [values, factor] of chart.dotted) if (values) series.push(run.map((i) => values[i] * factor));
       }
       let [low, most] = series.reduce(([a, b], one) => { const [c, d] = extremes(one); return [Math.min(a, c), Math.max(b, d)]; }, [Infinity, -Infinity]);
       const margin = 0.06 * (most - low) || 1;
-      if (!chart.steps) low -= margin;
+      low -= margin;
       most += margin;
       const y = (value) => top + high * (1 - (value - low) / (most - low));
       pen.textAlign = "right";
@@ -431,9 +429,6 @@
           const x = sx(deepest * plan.spacing), tip = y(limit[deepest] + sign * depth); // a stretch may be too short to see
           pen.beginPath(); pen.moveTo(x, tip); pen.lineTo(x - 4, tip - sign * 7); pen.lineTo(x + 4, tip - sign * 7); pen.fill();
         }
-      } else if (chart.steps) {
-        pen.fillStyle = css("--accent");
-        plan.steps.s.forEach((s, k) => { if (s >= from && s <= to) pen.fillRect(sx(s) - 1.2, y(plan.steps.ms[k]) - 1.2, 2.4, 2.4); });
       } else {
         for (const [values, colour, factor] of chart.solid) draw((i) => values[i] * factor, colour, 1.5);
         for (const [values, factor] of chart.dotted) if (values) draw((i) => values[i] * factor, "--ink", 1.2, [2, 2]);
