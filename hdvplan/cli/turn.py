@@ -104,7 +104,8 @@ def turn(
     turns are to the left; a turn to the right is the mirror image.
 
     The templates three-point, hammerhead, side-head, dock-90 and dock-45 are manoeuvres of forward and backward legs, made for the vehicle:
-    with the fewest legs that fit in the site or, where its size is not given, in the smallest site that is found.
+    with the fewest legs that fit in the site or, where its size is not given, in the smallest site that is found. They have no film;
+    `hdvplan plan DIR/legs.geojson --vehicle NAME --animate` draws one of a plan of their legs.
 
     Exit code 0: the vehicle drives the turn and meets the template's limits, or fits. 1: it does not, or cannot drive it. 2: bad input.
     """
