@@ -30,6 +30,7 @@ from hdvplan.vehicle.load import load_vehicle
 AGREE_M = 1e-3  # largest difference of a state or input from the reference's [m, rad, 1/m]: what a planning step is driven with
 PRIMAL = 1e-3  # residuals up to which a claim to have solved is honest: primal as a planning step demands it [m, rad, 1/m],
 DUAL = 1e-2  # of the Lagrangian's gradient, of which rows are worth 1e4 a metre
+SOLVED = 0.9  # share of the programs that must be solved
 _HORIZON_M = 30.0
 _EACH = 6  # programs of a drive in which limits play the same role
 # A U-turn that needs 2.49 m (bus) or 2.79 m (tractor-trailer) on either side: limits off, inactive, binding, unkeepable.
@@ -93,61 +94,69 @@ def _found(rule: Rule, make: WorkspaceMaker) -> Finding:
 
 def same_optimum(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
     """The optimum is the reference's, with limits off, inactive, binding and unkeepable."""
-    far = dict.fromkeys(("off", "inactive", "binding", "unkeepable"), 0.0)
-    for workspace, each in _each(make, programs):
-        far[each.limits] = max(far[each.limits], distance(workspace.solve(each.qp, None).point, each.point))
-    parts = ", ".join(f"{limits} {value:.1e}" for limits, value in far.items())
-    return Finding(_title(same_optimum), max(far.values()) <= AGREE_M, f"differs by at most {parts}")
+    far = [distance(workspace.solve(each.qp, None).point, each.point) for workspace, each in _each(make, programs)]
+    most = {role: max([0.0, *(one for one, each in zip(far, programs, strict=True) if each.limits == role)]) for role in LIMITS}
+    parts = ", ".join(f"{limits} {value:.1e}" for limits, value in most.items())
+    return _agreeing(same_optimum, far, programs, f"differs by at most {parts}")
 
 
 def honest_status(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
     """What is called solved has small residuals, and most programs are solved."""
-    primal, dual, solved = 0.0, 0.0, 0
+    primal, dual, unsolved = 0.0, 0.0, list[str]()
     for workspace, each in _each(make, programs):
         result = workspace.solve(each.qp, None)
         if result.status is Status.SOLVED:
-            judged, solved = residuals(each.qp, result.point), solved + 1
+            judged = residuals(each.qp, result.point)
             primal, dual = _worse(primal, judged.primal), _worse(dual, judged.dual)
-    kept = primal <= PRIMAL and dual <= DUAL and solved > 0.9 * len(programs)
-    return Finding(_title(honest_status), kept, f"{solved} of {len(programs)} solved, primal {primal:.1e}, dual {dual:.1e}")
+        else:
+            unsolved.append(each.limits)
+    solved = len(programs) - len(unsolved)
+    kept = primal <= PRIMAL and dual <= DUAL and solved > SOLVED * len(programs)
+    said = f"{solved} of {len(programs)} solved, primal {primal:.1e}, dual {dual:.1e}"
+    if not kept:
+        left = "".join(f"; with limits {role} {unsolved.count(role)} are not" for role in LIMITS if role in unsolved)
+        said += f" (more than {SOLVED:.0%} must be, at most {PRIMAL:g} and {DUAL:g}{left})"
+    return Finding(_title(honest_status), kept, said)
 
 
 def update_equals_fresh(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
     """A workspace that solved other programs before finds what a new one finds."""
-    far = 0.0
-    for workspace, each in _each(make, programs):
-        far = max(far, distance(workspace.solve(each.qp, None).point, make(each.qp.shape).solve(each.qp, None).point))
-    return Finding(_title(update_equals_fresh), far <= AGREE_M, f"differs by at most {far:.1e}")
+    far = [
+        distance(workspace.solve(each.qp, None).point, make(each.qp.shape).solve(each.qp, None).point)
+        for workspace, each in _each(make, programs)
+    ]
+    return _agreeing(update_equals_fresh, far, programs)
 
 
 def guess_changes_only_the_way(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
     """A guess, right or wrong, leads to the same optimum, and is left as it was."""
-    far, touched = 0.0, False
-    for workspace, each in _each(make, programs):
+    far, touched = [0.0] * len(programs), False
+    for number, (workspace, each) in enumerate(_each(make, programs)):
         wrong = each.point.copy()
         wrong.stages["x"] += 1.0
         wrong.row_points["multiplier"] += 1.0
         for guess in (each.guess, each.point.copy(), wrong):
             before = None if guess is None else guess.copy()
             point = workspace.solve(each.qp, guess).point
-            far = max(far, distance(point, each.point))
+            far[number] = max(far[number], distance(point, each.point))
             touched |= guess is not None and before is not None and not _same(guess, before)
-    said = f"differs by at most {far:.1e}" + (", and guesses are written to" if touched else "")
-    return Finding(_title(guess_changes_only_the_way), far <= AGREE_M and not touched, said)
+    found = _agreeing(guess_changes_only_the_way, far, programs)
+    return replace(found, kept=False, said=f"{found.said}, and guesses are written to") if touched else found
 
 
 def unsolvable_is_said(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
     """A program that has no point is not called solved, and leaves nothing to the next one."""
-    far, claimed, count = 0.0, 0, 0
-    for workspace, each in _each(make, programs):
+    far, claimed, count = [0.0] * len(programs), 0, 0
+    for number, (workspace, each) in enumerate(_each(make, programs)):
         if not each.qp.shape.bounded_states:
             continue
         result = workspace.solve(_unreachable(each.qp), None)
         count += 1
         claimed += result.status is Status.SOLVED
-        far = max(far, distance(workspace.solve(each.qp, None).point, each.point))
-    kept = claimed == 0 and far <= AGREE_M
-    return Finding(_title(unsolvable_is_said), kept, f"{claimed} of {count} called solved; the next one differs by at most {far:.1e}")
+        far[number] = distance(workspace.solve(each.qp, None).point, each.point)
+    said = f"{claimed} of {count} called solved; the next one differs by at most {max(far):.1e}"
+    found = _agreeing(unsolvable_is_said, far, programs, said)
+    return replace(found, kept=found.kept and claimed == 0)
 
 
 def bad_data_is_refused(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
@@ -180,7 +189,8 @@ def bounds_are_kept(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Findi
         result = workspace.solve(narrow, None)
         if result.status is Status.SOLVED:
             over = _worse(over, float(np.max(np.maximum(narrow.u_low - result.point.u, result.point.u - narrow.u_high))))
-    return Finding(_title(bounds_are_kept), over <= PRIMAL, f"broken by at most {max(over, 0.0):.1e}")
+    said = f"broken by at most {max(over, 0.0):.1e}" + (f" (allowed {PRIMAL:g} rad or 1/m)" if over > PRIMAL else "")
+    return Finding(_title(bounds_are_kept), over <= PRIMAL, said)
 
 
 def data_are_left_alone(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
@@ -207,13 +217,24 @@ def times_are_true(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Findin
         took = perf_counter() - began
         reported = result.update_time + result.solve_time + result.time_aside
         wrong += not (result.update_time >= 0.0 and result.solve_time > 0.0 and 0.5 * took <= reported <= took)
-    return Finding(_title(times_are_true), wrong <= len(programs) // 10, f"{wrong} of {len(programs)} report other times than the clock")
+    said = f"{wrong} of {len(programs)} report other times than the clock"
+    most = len(programs) // 10
+    return Finding(_title(times_are_true), wrong <= most, said + (f" (allowed {most})" if wrong > most else ""))
 
 
 CONTRACT: tuple[Rule, ...] = (
     same_optimum, honest_status, bounds_are_kept, update_equals_fresh, guess_changes_only_the_way, unsolvable_is_said, bad_data_is_refused,
     data_are_left_alone, times_are_true,
 )  # fmt: skip
+
+
+def _agreeing(rule: Rule, far: Sequence[float], programs: Sequence[Recorded], said: str = "") -> Finding:
+    """Return what a rule found whose results must agree: ``far`` is by how much those of each program differ [m, rad, 1/m]."""
+    worst = int(np.argmax(far))
+    said = said or f"differs by at most {far[worst]:.1e}"
+    if far[worst] > AGREE_M:
+        said += f" (allowed {AGREE_M:g} m, rad or 1/m; most in samples()[{worst}], limits {programs[worst].limits})"
+    return Finding(_title(rule), far[worst] <= AGREE_M, said)
 
 
 def distance(one: StageSolution, other: StageSolution) -> float:

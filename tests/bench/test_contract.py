@@ -3,6 +3,7 @@
 # ruff: noqa: ARG002, D101, D102 - every lie is told all that there is to lie about, and said in its name
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -82,6 +83,11 @@ def test_each_lie_breaks_the_rule_that_is_about_it(lie: WorkspaceMaker, rule: Ru
     assert not rule(lie, samples()).kept
 
 
+def test_a_broken_rule_says_what_is_allowed_and_which_program_is_the_worst() -> None:
+    finding = contract.same_optimum(WrongNowAndThen, samples())
+    assert re.search(r"\(allowed 0\.001 m, rad or 1/m; most in samples\(\)\[\d+\], limits \w+\)$", finding.said)
+
+
 def test_a_solver_that_clears_its_programs_is_found_whatever_rules_came_before() -> None:
     findings = contract.checked(ClearsThePrograms)
     (written,) = (finding for finding in findings if finding.rule.startswith("The program is not written to"))
@@ -98,7 +104,9 @@ def test_the_command_prints_every_rule_and_fails_with_one(capsys: pytest.Capture
     said = "SolverError: solver 'tests.bench.test_contract:Late' raises ZeroDivisionError: late (test_contract.py, line "
     assert sum(finding["said"].startswith(said) for finding in findings) > 1
     assert run(["solvers", "--check", "tests.bench.test_contract:Late"]) == 1
-    assert capsys.readouterr().out.count("raises ZeroDivisionError: late") == 1  # of rules that it breaks alike, the first says how
+    captured = capsys.readouterr()
+    assert captured.out.count("raises ZeroDivisionError: late") == 1  # of rules that it breaks alike, the first says how
+    assert "docs/extending.md" in captured.err
     assert run(["solvers", "--check", "nosuch"]) == 2
 
 
