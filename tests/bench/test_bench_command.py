@@ -93,6 +93,7 @@ def test_the_headline_fits_80_columns_and_json_is_json(cli: Cli, short_road: str
     assert max(len(line) for line in outcome.out.splitlines() if " fastest in " not in line) <= 80
     for words in ("bus, rti: one planning step [ms]", "tractor-trailer, sqp: one", "qpsolvers/clarabel", "SQP / RTI"):
         assert words in outcome.out
+    assert outcome.out.count("--accuracy 1e-4") == 1  # the mode that compares at an equal one
     answer = json.loads(cli(*arguments, "--json").out)
     assert len(answer["timing"]) == 8
     assert [one["winner"] for one in answer["verdict"]] == ["riccati"] * 4  # four to thirty times as fast: no machine's mood turns that
