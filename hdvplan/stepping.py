@@ -14,6 +14,7 @@ from hdvplan.errors import OptionError
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
+from hdvplan.qp.workspace import USABLE_RESIDUAL
 from hdvplan.solvers.registry import dependable
 
 
@@ -81,11 +82,15 @@ class Stepper:
         """Put the vehicle ``count`` stations further, in the state ``z`` there, after driving the curvature ``kappa`` [1/m].
 
         Raises:
-            OptionError: the state has another shape, or is not finite.
+            OptionError: the state has another shape, or is not finite, or the vehicle cannot steer the curvature.
 
         """
         z = np.array(z, dtype=float)
         if z.shape != self.z.shape or not (np.all(np.isfinite(z)) and np.isfinite(kappa)):
             msg = f"a state of the {self.case.vehicle.name} is {len(self.z)} finite numbers, and a finite curvature"
             raise OptionError(msg)
+        most = self.case.vehicle.max_curvature
+        if abs(kappa) > most + USABLE_RESIDUAL:
+            msg = f"a curvature of {kappa:.4g} 1/m was not driven: the {self.case.vehicle.name} steers up to {most:.4g} 1/m"
+            raise OptionError(msg, hint="kappa is tan(front angle) / wheelbase, not the angle; of a noisy measurement, clip it")
         self.at, self.z, self.kappa = self.at + self.count, z, float(kappa)

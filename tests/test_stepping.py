@@ -7,7 +7,7 @@ import pytest
 
 import hdvplan
 from hdvplan.api import drive_case
-from hdvplan.errors import PlanError
+from hdvplan.errors import OptionError, PlanError
 from hdvplan.planning.bias import Bias
 from hdvplan.road.path import from_curvature
 
@@ -73,4 +73,11 @@ def test_a_wrong_state_is_refused(wrong: list[float]) -> None:
     stepper = hdvplan.Stepper(case_of("bus", 3.5))
     with pytest.raises(hdvplan.HdvplanError, match="is 2 finite numbers"):
         stepper.arrive(np.array(wrong), 0.0)
+    assert stepper.at == 0
+
+
+def test_a_curvature_that_the_vehicle_cannot_steer_was_not_driven() -> None:
+    stepper = hdvplan.Stepper(case_of("bus", 3.5))
+    with pytest.raises(OptionError, match=r"curvature of -0\.5 1/m was not driven: the bus steers up to 0\.\d+ 1/m"):
+        stepper.arrive(stepper.z, -0.5)
     assert stepper.at == 0
