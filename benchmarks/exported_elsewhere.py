@@ -55,7 +55,7 @@ def driven(files: dict[str, str], target: str, folder: Path) -> tuple[FloatArray
     subprocess.run([*compiler, *FLAGS, *SOURCES, "-lm"], cwd=folder, check=True, capture_output=True)  # noqa: S603 - ours
     done = subprocess.run([*runner, "./sample"], cwd=folder, check=False, capture_output=True, text=True)  # noqa: S603 - ours
     ended = _ENDED.search(done.stderr)
-    numbers = [[float(word) for word in line.split(",")] for line in done.stdout.splitlines()]
+    numbers = [[float(word) for word in line.split(",")] for line in done.stdout.splitlines()[1:]]
     return np.array(numbers), tuple(int(word) for word in ended.groups()) if ended else (0, 0, 0, 0)
 
 

@@ -70,7 +70,9 @@ def test_the_sample_drives_what_hdvplan_drives_under_sanitizers(tmp_path: Path) 
     strict = "-std=c99 -O1 -g -Wall -Wextra -Werror -pedantic -fsanitize=address,undefined -fno-sanitize-recover=all"
     ran(tmp_path / "planner", "make", f"CFLAGS={strict}")
     sample = ran(tmp_path, "planner/sample")
-    rows = np.array([[float(word) for word in row] for row in csv.reader(sample.stdout.splitlines())])
+    header, *lines = csv.reader(sample.stdout.splitlines())
+    assert header == ["s", "e_y", "e_psi", "beta1", "kappa"]
+    rows = np.array([[float(word) for word in row] for row in lines])
     own = drive_case(Case(load_road("uturn").with_limits(3.2, 3.2), load_vehicle("tractor-trailer")))
     # the sample simulates at steps of 5 cm, as the drive does; limits bind, and rounding is that of another compiler
     assert np.max(np.abs(rows[:, 1:4] - own.z)) < 1e-9

@@ -45,6 +45,13 @@ static void simulate(int64_t station, int64_t steps, const double *state, double
     );
 }
 
+static void print_header(void) {
+    printf("s,e_y,e_psi");
+    for (int64_t j = 2; j < STATES; j++)
+        printf(j <= UNITS ? ",beta%ld" : ",steering%ld", (long)(j <= UNITS ? j - 1 : j - UNITS));
+    printf(",kappa\n");
+}
+
 static void print_station(int64_t station, const double *state, double kappa) {
     printf("%.17g", sample_road.stations[station].s);
     for (int64_t j = 0; j < STATES; j++)
@@ -75,6 +82,7 @@ int main(void) {
         return 2;
     }
     memcpy(state, sample_start, sizeof state);
+    print_header();
     for (int64_t station = 0; station < sample_stations;) {
         int64_t steps = sample_stations - station < EXECUTED ? sample_stations - station : EXECUTED;
         enum hdvplan_status status = hdvplan_step(&memory, station, state, kappa);
