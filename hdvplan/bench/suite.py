@@ -198,7 +198,7 @@ def visits(courses: int, cells: int, rounds: int) -> list[tuple[int, int]]:
 
 
 def read_suite(path: Path) -> dict[str, object]:
-    """Return the entries of a suite's TOML file.
+    """Return the entries of a suite's TOML file; files of roads and vehicles that lie beside it with their paths.
 
     Raises:
         OptionError: no such file, or not TOML.
@@ -206,7 +206,11 @@ def read_suite(path: Path) -> dict[str, object]:
     """
     from hdvplan.schema import read_toml  # noqa: PLC0415 - as above
 
-    return read_toml(path, "suite")
+    entries = dict(read_toml(path, "suite"))
+    for key in ("roads", "vehicles"):
+        if isinstance(names := entries.get(key), list):
+            entries[key] = [str(path.parent / one) if isinstance(one, str) and (path.parent / one).is_file() else one for one in names]
+    return entries
 
 
 def suite_of(entries: Mapping[str, object]) -> Suite:

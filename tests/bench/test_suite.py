@@ -64,3 +64,13 @@ def test_a_suite_refuses_an_objective_that_nobody_knows() -> None:
         Suite(objective="balance")
     with pytest.raises(OptionError, match="must be words in quotes"):
         suite_of({"objective": 3})
+
+
+def test_files_of_a_suite_lie_beside_it_or_in_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "suites"
+    folder.mkdir()
+    (folder / "own.geojson").touch()
+    (tmp_path / "here.geojson").touch()
+    (folder / "suite.toml").write_text('roads = ["own.geojson", "here.geojson", "uturn"]\n', encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert read_suite(folder / "suite.toml")["roads"] == [str(folder / "own.geojson"), "here.geojson", "uturn"]
