@@ -126,11 +126,6 @@ FIGURES = (
         for bus, long in BUSES.items()
     ),
     Figure(LIECHTENSTEIN, "At lanes of 2.75 m, {} places keep a bus out, at 3.5 m {}. The", tables.narrow),
-    Figure(
-        LIECHTENSTEIN,
-        "{} of the cells were refused because the line turns on a radius below that of the bus, and {} have no plan",
-        tables.unplanned,
-    ),
     Figure(LIECHTENSTEIN, "{} of the 16 routes are without a gap.", lambda: [tables.whole_routes()]),
     Figure(LIECHTENSTEIN, "of each bus, on {} different roads,", lambda: tables.checked()[:1]),
     Figure(LIECHTENSTEIN, "differs from the study's by at most {} m. For {} of them", lambda: tables.checked()[1:]),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -222,12 +221,6 @@ def narrow() -> list[str]:
     """Return how many places keep a bus out at the least and at the largest width."""
     counts = table("liechtenstein/ranking.csv")["half_width_m"].value_counts().sort_index()
     return [str(counts.iloc[0]), str(counts.iloc[-1])]
-
-
-def unplanned() -> list[str]:
-    """Return the number of cells that were refused, and of those without a plan."""
-    ended = json.loads((ROOT / "results/liechtenstein/run.json").read_text(encoding="utf-8"))["outcomes"]
-    return [str(ended["refused"]), str(ended["no plan"])]
 
 
 def whole_routes() -> str:

@@ -15,6 +15,7 @@ import argparse
 import json
 import shutil
 import sys
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ from hdvplan.api import plan, prove
 from hdvplan.case import Case
 from hdvplan.cli.app import run
 from hdvplan.fileio import json_bytes, write_atomically
+from hdvplan.finer import replanned
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.network.extract import RECORD as EXTRACT
 from hdvplan.record import NAME, command, now
@@ -76,6 +78,7 @@ _CAPTIONS = {
         ),
     ),
 }  # title, and what the columns are
+STUDY = Path(__file__).parent / "studies" / "liechtenstein.toml"
 _COLOURS = ("#440154", "#31688e", "#35b779", "#b8c400")  # the widths, the least first
 _NONE = "#d7191c"  # no width is enough
 _LINE_PT, _DOT_PT2, _PANEL_IN = 1.6, 8.0, (1.9, 4.6)
@@ -114,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def record(told: dict[str, Any]) -> dict[str, object]:
     """Return what run.json says of a study: what was asked for and what came of it, with versions and machine of its last session."""
     session, study = told["sessions"][-1], told["study"]
-    asked = {name: study[name] for name in ("widths", "objectives", "solvers", "manners", "smooth", "prove", "refine")}
+    asked = {name: study[name] for name in ("widths", "objectives", "solvers", "manners", "reading", "prove", "refine")}
     asked |= {"roads": {road["label"]: road["digest"] for road in study["roads"]}}
     asked |= {"vehicles": [variant["vehicle"]["name"] for variant in study["vehicles"]]}
     made = {name: session[name] for name in ("engine", "commit", "software", "machine")}
@@ -218,8 +221,9 @@ def again(cell: str, out: Path) -> None:
 def planned_again(folder: Path, name: str, vehicle_name: str, width: float) -> dict[str, object]:
     """Plan a cell by itself, look for a proof, and return its row of ``checked``, without the study's numbers."""
     file, vehicle = folder / f"{name}.geojson", load_vehicle(vehicle_name)
-    road = load_road(file, RoadOptions().followed_by(vehicle.max_curvature))
-    result = prove(plan(Case(road.with_limits(width, width), vehicle)))
+    options = RoadOptions(corner_radius=tomllib.loads(STUDY.read_text(encoding="utf-8"))["settings"]["corner_radius"])
+    road = load_road(file, options.followed_by(vehicle.max_curvature))
+    result = prove(replanned(plan(Case(road.with_limits(width, width), vehicle))))
     verdict = verdict_of(result)
     street, _ = street_at(file, verdict.s)
     row = {"vehicle": vehicle.name, "road": name, "street": street, "half_width_m": width, "case": result.case.key}

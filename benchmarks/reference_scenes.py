@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,10 @@ def road_of(told: Told) -> Road:
 
 
 def case_of(told: Told) -> Case:
-    """Return the case: its road, ``vehicle``, ``objective``, and ``settings``; ``bias`` is a number, or points (s, offset) [m]."""
+    """Return the case: its road, ``vehicle``, ``max_curvature`` where it is not the vehicle's own [1/m], ``objective``, and ``settings``.
+
+    ``bias`` is a number, or points (s, offset) [m].
+    """
     given = dict(told.get("settings", {}))
     for name, kind in (("scheme", Scheme), ("discretisation", Discretisation)):
         given |= {name: kind(given[name])} if name in given else {}
@@ -60,6 +64,7 @@ def case_of(told: Told) -> Case:
     bias = np.array(told.get("bias", 0.0), float)
     wanted = Bias.constant(float(bias)) if bias.ndim == 0 else Bias(*bias.T)
     vehicle = load_vehicle(told["vehicle"])
+    vehicle = replace(vehicle, max_curvature=told.get("max_curvature", vehicle.max_curvature))
     return Case(road_of(told), vehicle, told.get("objective", "geometric"), told.get("solver", "riccati"), settings, wanted)
 
 
