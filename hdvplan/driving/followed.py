@@ -38,6 +38,7 @@ _NEWTON = 4  # steps; the first guess is between points that are at most some me
 _FORWARD = 0.05  # cosine of the angle to the line, at least
 _PLANE_HINT = "its x and y are in the plane of the road's path, as in the path.csv that `hdvplan plan` writes"
 _HINT = "x and y are the middle of the lead unit's rear axle, heading its direction [rad, counter-clockwise from x]"
+_RECORDED = "its points count to the millimetre: smooth a track that was recorded, or `hdvplan plan` along it as a road"
 
 
 @dataclass(frozen=True)
@@ -167,10 +168,11 @@ class _Curve:
         askew = np.flatnonzero((off > _ASKEW) & (length > _LONG_M))
         if askew.size:
             row = int(askew[0])
-            msg = (
-                f"at its point {row + 1} ({points[row, 0]:.2f}, {points[row, 1]:.2f}) the path goes {np.degrees(off[row]):.0f} degrees "
-                "off its heading"
-            )
+            where = f"at its point {row + 1} ({points[row, 0]:.2f}, {points[row, 1]:.2f}) the path"
+            if path.heading is None:
+                msg = f"{where} turns too sharply for a curve through its points"
+                raise RoadError(msg, hint=_RECORDED)
+            msg = f"{where} goes {np.degrees(off[row]):.0f} degrees off its heading"
             raise RoadError(msg, hint=f"{_HINT}; it does not slip, and goes forwards")
         arcs = length / np.sinc(0.5 * turn / np.pi)
         t = np.append(0.0, np.cumsum(arcs))
@@ -284,7 +286,7 @@ def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray
         raise PlanError(
             msg,
             s_m=place,
-            hint="its points count to the millimetre: smooth a track that was recorded, or `hdvplan plan` along it as a road",
+            hint=_RECORDED,
         )
 
 
