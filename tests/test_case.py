@@ -24,7 +24,7 @@ from hdvplan.errors import RoadError
 from hdvplan.machine import commit, software
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.objectives import geometric
-from hdvplan.planning.settings import PlannerSettings, Scheme
+from hdvplan.planning.settings import Discretisation, PlannerSettings, Scheme
 from hdvplan.record import command, record_of, write_record
 from hdvplan.road.limits import Limits
 from hdvplan.road.load import load_road
@@ -231,3 +231,9 @@ def test_a_limit_beyond_all_projections_is_refused(left: float, right: float, si
     with pytest.raises(RoadError, match=rf"the {side} limit at s = 0\.0 m is 1e\+\d+ m away; at most 100 km"):
         replace(PLAIN, road=PLAIN.road.with_limits(left, right))
     assert replace(PLAIN, road=PLAIN.road.with_limits(9999.0, 9999.0)).key
+
+
+def test_a_scheme_and_a_rule_may_be_given_by_their_words() -> None:
+    settings = hdvplan.PlannerSettings(scheme="sqp", discretisation="euler")  # type: ignore[arg-type] # as people write it
+    assert settings.scheme is Scheme.SQP
+    assert settings.discretisation is Discretisation.EULER
