@@ -64,6 +64,7 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
 
     """
     lines = _lines(features, name)
+    _refuse_strange_roles(features, name, choice)
     within = lines if choice.layer is None else [line for line in lines if line.feature.layer == choice.layer]
     legs = legs_among([line.feature for line in within], name) if choice.feature is None else []
     chosen = [within[at] for at, _ in legs] if legs else [_chosen(lines, choice, name)]
@@ -122,6 +123,16 @@ def _lines(features: list[Feature], name: str) -> list[_Line]:
     return [
         _Line(feature, parts_of(geometry, name)) for feature in features for geometry in flat(feature.geometry) if geometry["type"] in LINES
     ]
+
+
+def _refuse_strange_roles(features: list[Feature], name: str, choice: Choice) -> None:
+    """Refuse a role for what is not in the file: kerbs would be passed over for a letter."""
+    known = {label for feature in features for label in (*feature.labels, feature.layer)}
+    strange = next((given for given in choice.roles if given not in known), None)
+    if strange is not None:
+        layers = sorted({feature.layer for feature in features if feature.layer})
+        msg = f"{name}: nothing is called {strange!r}, which has the role {choice.roles[strange]}; layers: {', '.join(layers) or 'none'}"
+        raise RoadError(msg, hint="--role takes the name of a layer or of a feature, as it is in the file")
 
 
 def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:

@@ -194,6 +194,8 @@ def test_polygons_are_regions_by_property_by_layer_and_by_role(tmp_path: Path) -
     assert not load_road(by_role).regions
     with pytest.raises(OptionError, match="a role is obstacle, sweepable or edge"):
         load_road(by_role, RoadOptions(roles=("hoarding=wall",)))
+    with pytest.raises(RoadError, match="nothing is called 'hording', which has the role obstacle"):
+        load_road(by_role, RoadOptions(roles=("hording=obstacle",)))
 
 
 def test_a_closed_line_of_a_drawing_is_an_area(tmp_path: Path) -> None:
