@@ -257,6 +257,22 @@ def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content:
     assert "--renew" in str(caught.value.hint)
 
 
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+@pytest.mark.parametrize("column", ["qps", "iterations", "nonzeros"])
+def test_a_baseline_with_a_count_that_is_not_finite_is_refused_as_nothing_differs_from_it(
+    tmp_path: Path, column: str, number: float
+) -> None:
+    write_counters(side().counters.assign(**{column: number}), tmp_path / "counters.csv")
+    with pytest.raises(OptionError, match=f"column {column} has values that are not finite"):
+        read_counters(tmp_path / "counters.csv")
+
+
+def test_a_baseline_that_has_a_cell_twice_is_refused(tmp_path: Path) -> None:
+    write_counters(pd.concat([side().counters] * 2), tmp_path / "counters.csv")
+    with pytest.raises(OptionError, match="a cell is there twice"):
+        read_counters(tmp_path / "counters.csv")
+
+
 def test_a_baseline_with_words_for_numbers_is_refused(tmp_path: Path) -> None:
     write_counters(side().counters.assign(nonzeros="many"), tmp_path / "counters.csv")
     with pytest.raises(OptionError, match="column nonzeros has values that are not numbers"):

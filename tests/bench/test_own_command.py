@@ -59,6 +59,14 @@ def test_what_is_no_list_of_times_is_refused(told: object) -> None:
 
 
 @pytest.mark.parametrize(
+    ("cell", "words"), [({"steps_s": [1.0], "counter": {}}, "'counter' is none of"), ({"step_s": [1.0]}, "'step_s' is none")]
+)
+def test_a_key_that_no_cell_has_is_refused_as_its_numbers_would_be_passed_over(cell: object, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        steps_of({"cells": {"a": cell}})
+
+
+@pytest.mark.parametrize(
     "printed",
     [
         "", "hello\n", "{]\n", '{"cells": {"a": [0]}}\n', '{"cells": {"a": [1]}}\nhello\n', '{"cells": {"a": [1' + "0" * 400 + "]}}",
@@ -403,3 +411,9 @@ def test_the_last_words_of_pytest_name_the_test_that_failed_and_its_output_is_ke
     assert ended.words == "FAILED bench/test_depot.py::test_drive - assert 1 == 2"
     assert "E   assert 1 == 2" in ended.tail
     assert ended.tail.endswith("Wrote benchmark data in: out.json")
+
+
+def test_what_is_slower_by_less_than_the_floor_is_told_with_the_floor() -> None:
+    base, new = (side(*[told_steps(slow=slow)] * 10) for slow in (0.05, 0.0575))
+    comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
+    assert verdict_line(comparison, Rule()).startswith("fine: no cell of 1 is slower by more than a factor of 1.08 and 0.01 ms")

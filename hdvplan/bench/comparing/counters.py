@@ -166,6 +166,9 @@ def read_counters(path: Path) -> pd.DataFrame:
             msg = f"there is no column {missing[0]!r}"
             raise ValueError(msg)  # noqa: TRY301 - told as what pandas refuses
         _check_numbers(table, (*COUNTS, *WORK, *LENGTHS))
+        if (spoilt := [name for name in (*COUNTS, *WORK) if not np.all(np.isfinite(table[name]))]) or table.duplicated(list(KEY)).any():
+            msg = f"column {spoilt[0]} has values that are not finite" if spoilt else "a cell is there twice"
+            raise ValueError(msg)  # noqa: TRY301 - told as what pandas refuses
     except (OSError, ValueError) as error:  # also of its encoding
         msg = f"counters {path} cannot be read: {getattr(error, 'strerror', None) or error}"
         raise OptionError(msg, hint=f"--renew {'writes' if isinstance(error, OSError) else 'rewrites'} them") from error

@@ -82,7 +82,9 @@ def read_side(path: Path) -> Side:
         raise OptionError(msg)
     if not (folders := _folders(path)):
         msg = f"{path} holds no benchmark"
-        raise OptionError(msg, hint="hdvplan bench --out DIR makes one")
+        sides = path / "base", path / "new"
+        both = all(side.is_dir() for side in sides)
+        raise OptionError(msg, hint="hdvplan compare {} {}".format(*sides) if both else "hdvplan bench --out DIR makes one")
     side = _side(path, folders)
     if not (cold := _folders(path / COLD)):
         return side

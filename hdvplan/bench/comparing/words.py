@@ -56,7 +56,9 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     if unsure:
         parts.append(f"too few processes to be sure of {', '.join(unsure)}")
     if cells and not slower and not unknown:
-        parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}")
+        short = any(entry.decision.ratio > rule.factor for entry in comparison.times)  # and by less than the floor
+        least = f" and {1e3 * rule.floor:g} ms" if short else ""
+        parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}{least}")
     unseen = [quantity_words(one) for one in comparison.found if one.decision.unseen and quantity_words(one) not in unsure]
     if unseen and comparison.verdict is not GateVerdict.REGRESSED:
         parts.append(f"could not see a change of {', '.join(unseen)}")

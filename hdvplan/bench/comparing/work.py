@@ -109,6 +109,9 @@ def _refused(name: str) -> None:
     raise ValueError(msg)
 
 
+_KEYS = ("steps_s", "first_s", "s_m", "counters")
+
+
 def steps_of(report: object) -> dict[str, OwnSteps]:
     """Return the cells of the protocol: ``{"cells": {NAME: {"steps_s": [...] or [[...], ...], "first_s", "s_m", "counters"}}}``.
 
@@ -137,6 +140,9 @@ def _benchmark(report: object) -> tuple[str, list[list[object]]]:
 
 
 def _cell(name: str, cell: Mapping[str, object]) -> OwnSteps:
+    if unknown := [key for key in cell if key not in _KEYS] or [key for key in _KEYS[:1] if key not in cell]:
+        msg = f"{name}: {unknown[0]!r} is {'missing' if unknown[0] in _KEYS else 'none of ' + ', '.join(_KEYS)}"
+        raise ValueError(msg)
     steps = np.atleast_2d(_numbers(name, "steps_s", cell.get("steps_s")))
     first, s = (np.atleast_1d(_numbers(name, key, cell.get(key, []))) for key in ("first_s", "s_m"))
     counters = cell.get("counters", {})
