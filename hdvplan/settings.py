@@ -47,7 +47,12 @@ class Field:
     @property
     def choices(self) -> Sequence[str]:
         """The words that it takes, where only some."""
-        return list(self.kind) if isinstance(self.kind, type) and issubclass(self.kind, StrEnum) else self.setting.choices
+        return list(self.kind) if self.enumerated else self.setting.choices
+
+    @property
+    def enumerated(self) -> bool:
+        """Whether it is a member of an enumeration of words."""
+        return isinstance(self.kind, type) and issubclass(self.kind, StrEnum)
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -73,6 +78,8 @@ def _field(name: str, hint: Any, default: object) -> Field:  # noqa: ANN401 - a 
 def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
     """Refuse numbers that are not finite or outside their bounds, and words that are none of a field's choices.
 
+    A word for a member of an enumeration becomes that member: members are told apart by identity.
+
     Raises:
         OptionError: there is one.
 
@@ -84,6 +91,8 @@ def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
             raise OptionError(msg)
         if isinstance(value, str) and field.choices:
             choice(name, value, field.choices)
+            if field.enumerated:
+                object.__setattr__(settings, name, field.kind(value))
         if setting.listed and ((not value and field.default) or len(set(value)) < len(value)):
             msg = f"{name} must name at least one entry, and none twice: {', '.join(map(str, value)) or 'nothing'}"
             raise OptionError(msg)

@@ -54,7 +54,7 @@ def cleared(result: Result, *, quiet: bool) -> Result:
         )
     step, uses = result.drive.settings.step, [steering_of(one.drive) for one in (found, result)]
     for name, what in (("curvature", "steering"), ("rate", "steering rate")):
-        more, less = (sum(last - first + step for first, last in getattr(use, name).stretches) for use in uses)
+        more, less = (getattr(use, name).length(step) for use in uses)
         if more > less:
             words = f"with it {more:.1f} m of road take over 95 % of the {what}, without {less:.1f} m"
             note(f"{words}: a smaller --clearance steers more calmly", quiet=quiet)

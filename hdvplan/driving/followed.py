@@ -105,7 +105,7 @@ def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: Give
         PlanError: a curvature that the vehicle cannot steer, or a motion that leaves the model's domain.
 
     """
-    _refuse_far(road.path, path.points[:1])
+    _refuse_far(road.path, path.points)
     curve = _Curve.of(path, vehicle)
     line = road.path.extended(_ROOM_M + vehicle.reach_behind, curve.length + _ROOM_M)
     (feet, offsets), step = _feet(line, road.path.length, curve.points), settings.step
@@ -254,14 +254,14 @@ def _feet(line: ReferencePath, length: float, points: FloatArray) -> FloatArray:
 
 
 def _refuse_far(line: ReferencePath, points: FloatArray) -> None:
-    """Refuse a path whose ``points``, (n, 2) [m], lie far from the road, before anything else is found wrong with it.
+    """Refuse a path whose ``points``, (n, 2) [m], begin far from the road, before anything else is found wrong with it.
 
     Raises:
-        RoadError: all of them do.
+        RoadError: they do.
 
     """
     there = line.at(np.linspace(0.0, line.length, int(np.ceil(line.length)) + 1))
-    apart = float(np.min(np.hypot(there.x[:, None] - points[:, 0], there.y[:, None] - points[:, 1]))) if len(points) else 0.0
+    apart = float(np.min(np.hypot(there.x - points[0, 0], there.y - points[0, 1]))) if len(points) else 0.0
     if apart > _FAR_M:
         msg = f"the path begins {apart:.0f} m away from the road"
         raise RoadError(msg, hint=f"{_PLANE_HINT}, or lon and lat")
@@ -283,11 +283,7 @@ def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray
         worst = float(np.max(np.abs(kappa)))
         turns = f"it turns with up to {worst:.3f} 1/m, the {vehicle.name} with {vehicle.max_curvature:.3f}"
         msg = f"from s = {place:.1f} m on the path is too tight: {turns}"
-        raise PlanError(
-            msg,
-            s_m=place,
-            hint=_RECORDED,
-        )
+        raise PlanError(msg, s_m=place, hint=_RECORDED)
 
 
 def _poses(

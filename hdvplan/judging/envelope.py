@@ -125,6 +125,10 @@ class Use:
     s: float  # of the largest share [m]
     stretches: tuple[tuple[float, float], ...]
 
+    def length(self, step: float) -> float:
+        """Return the length of the stretches [m], each to the end of its last ``step`` [m]."""
+        return sum(last - first + step for first, last in self.stretches)
+
 
 @dataclass(frozen=True)
 class SteeringUse:
@@ -156,10 +160,8 @@ def steering_texts(drive: Drive, found: SteeringUse) -> list[str]:
         texts.append(f"the {what_is} swings from lock to lock between s = {first:.1f} and {last:.1f} m, within the vehicle's length{more}")
     for use, what in ((found.curvature, "steering"), (found.rate, "steering rate")):
         if use.stretches:
-            total = sum(last - first + drive.settings.step for first, last in use.stretches)
-            texts.append(
-                f"the {what_is} uses {100.0 * use.share:.0f} % of the {what} at s = {use.s:.1f} m, over 95 % along {total:.1f} m of road"
-            )
+            uses = f"the {what_is} uses {100.0 * use.share:.0f} % of the {what} at s = {use.s:.1f} m"
+            texts.append(f"{uses}, over 95 % along {use.length(drive.settings.step):.1f} m of road")
     return texts
 
 

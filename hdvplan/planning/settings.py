@@ -156,8 +156,6 @@ class PlannerSettings:
     def __post_init__(self) -> None:
         """Refuse what cannot be planned with."""
         check(self)
-        for name, kind in (("scheme", Scheme), ("discretisation", Discretisation)):  # their words do, too: they are told apart by identity
-            object.__setattr__(self, name, kind(getattr(self, name)))
         for name in ("horizon", "replan"):
             ratio = getattr(self, name) / self.step
             if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:  # noqa: PLR2004 - rounding of decimal inputs

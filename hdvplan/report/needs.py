@@ -44,11 +44,8 @@ def need_lines(need: Need) -> list[str]:
     kept = f", {need.case.settings.clearance:.2f} m of clearance included" if need.case.settings.clearance > 0.0 else ""
     if need.room.result is not None and need.place is not None:
         where = "to both sides of the line" if need.side is None else f"on the {need.side}"
-        lines.append(
-            worded(
-                NEEDS, f"{need.room.room:.2f} m {where} for the {vehicle}{kept}{_instead(need)}: decided {_place_text(need, need.place)}"
-            )
-        )
+        needed = f"{need.room.room:.2f} m {where} for the {vehicle}{kept}{_instead(need)}"
+        lines.append(worded(NEEDS, f"{needed}: decided {_place_text(need, need.place)}"))
     elif need.side is None:
         lines.append(worded(NO, f"no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need.room)}"))
     else:

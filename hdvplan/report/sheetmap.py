@@ -108,16 +108,8 @@ def draw_marks(axes: Axes, page: Page, size_mm: tuple[float, float], *, north: b
     axes.add_patch(Rectangle((left, low), right - left, BAND_MM * mm, facecolor="white", edgecolor=INK, linewidth=0.5, zorder=8.5))
     _draw_bar(axes, page, size_mm)
     if north and abs(page.turn) > _LEVEL:
-        axes.text(
-            1.0 - 22.0 / size_mm[0],
-            7.5 / size_mm[1],
-            "north is not up here",
-            transform=axes.transAxes,
-            fontsize=_SMALL,
-            ha="right",
-            va="center",
-            zorder=9,
-        )
+        place, words = (1.0 - 22.0 / size_mm[0], 7.5 / size_mm[1]), "north is not up here"
+        axes.text(*place, words, transform=axes.transAxes, fontsize=_SMALL, ha="right", va="center", zorder=9)
     if north:
         draw_north(axes, (1.0 - 10.0 / size_mm[0], 12.0 / size_mm[1]), page.turn)
 

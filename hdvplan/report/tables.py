@@ -175,19 +175,8 @@ def findings_table(fits: list[Fit]) -> list[Table]:
     left_out = sum(max(0, len(fit.findings) - _MOST_FINDINGS) for fit in fits)
     caption = f"the first {_MOST_FINDINGS} of each; --json lists {left_out} more" if left_out else None
     columns = ("vehicle", "from [m]", "to [m]", "what", "has", "needs")
-    return (
-        [
-            grid(
-                "places to plan, by circles as tight as the road",
-                columns,
-                rows,
-                text=("vehicle", "what"),
-                caption=caption,
-            )
-        ]
-        if rows
-        else []
-    )
+    title = "places to plan, by circles as tight as the road"
+    return [grid(title, columns, rows, text=("vehicle", "what"), caption=caption)] if rows else []
 
 
 def _fit_remark(fit: Fit) -> str:

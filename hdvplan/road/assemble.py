@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
 from typing import Any
@@ -130,9 +131,13 @@ def _refuse_strange_roles(features: list[Feature], name: str, choice: Choice) ->
     known = {label for feature in features for label in (*feature.labels, feature.layer)}
     strange = next((given for given in choice.roles if given not in known), None)
     if strange is not None:
-        layers = sorted({feature.layer for feature in features if feature.layer})
-        msg = f"{name}: nothing is called {strange!r}, which has the role {choice.roles[strange]}; layers: {', '.join(layers) or 'none'}"
+        role = choice.roles[strange]
+        msg = f"{name}: nothing is called {strange!r}, which has the role {role}; there are {_layers_among(features)}"
         raise RoadError(msg, hint="--role takes the name of a layer or of a feature, as it is in the file")
+
+
+def _layers_among(features: Iterable[Feature]) -> str:
+    return ", ".join(map(repr, sorted({feature.layer for feature in features if feature.layer}))) or "no layers"
 
 
 def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
@@ -141,8 +146,7 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
         raise RoadError(msg, hint="a road is a line feature; some simplified map exports have no geometry")
     there = lines if choice.layer is None else [line for line in lines if line.feature.layer == choice.layer]
     if not there:
-        layers = sorted({line.feature.layer for line in lines if line.feature.layer})
-        msg = f"{name}: no line in a layer called {choice.layer!r}; there are {', '.join(map(repr, layers)) or 'no layers'}"
+        msg = f"{name}: no line in a layer called {choice.layer!r}; there are {_layers_among(line.feature for line in lines)}"
         raise RoadError(msg)
     if choice.feature is None:
         without = [line for line in there if role_of(line.feature, choice) is None]

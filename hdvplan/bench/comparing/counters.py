@@ -130,6 +130,22 @@ def _check_numbers(table: pd.DataFrame, columns: tuple[str, ...]) -> None:
         raise ValueError(msg)
 
 
+def _check_cells(table: pd.DataFrame) -> None:
+    """Refuse counts from which nothing differs, and a cell that hides another.
+
+    Raises:
+        ValueError: there is one.
+
+    """
+    spoilt = next((name for name in (*COUNTS, *WORK) if not np.all(np.isfinite(table[name]))), None)
+    if spoilt is not None:
+        msg = f"column {spoilt} has values that are not finite"
+        raise ValueError(msg)
+    if table.duplicated(list(KEY)).any():
+        msg = "a cell is there twice"
+        raise ValueError(msg)
+
+
 def _by_cell(table: pd.DataFrame) -> dict[tuple[str, ...], dict[str, Any]]:
     return {tuple(str(row[name]) for name in KEY): {str(name): value for name, value in row.items()} for row in table.to_dict("records")}
 
@@ -166,9 +182,7 @@ def read_counters(path: Path) -> pd.DataFrame:
             msg = f"there is no column {missing[0]!r}"
             raise ValueError(msg)  # noqa: TRY301 - told as what pandas refuses
         _check_numbers(table, (*COUNTS, *WORK, *LENGTHS))
-        if (spoilt := [name for name in (*COUNTS, *WORK) if not np.all(np.isfinite(table[name]))]) or table.duplicated(list(KEY)).any():
-            msg = f"column {spoilt[0]} has values that are not finite" if spoilt else "a cell is there twice"
-            raise ValueError(msg)  # noqa: TRY301 - told as what pandas refuses
+        _check_cells(table)
     except (OSError, ValueError) as error:  # also of its encoding
         msg = f"counters {path} cannot be read: {getattr(error, 'strerror', None) or error}"
         raise OptionError(msg, hint=f"--renew {'writes' if isinstance(error, OSError) else 'rewrites'} them") from error

@@ -140,10 +140,13 @@ def _benchmark(report: object) -> tuple[str, list[list[object]]]:
 
 
 def _cell(name: str, cell: Mapping[str, object]) -> OwnSteps:
-    if unknown := [key for key in cell if key not in _KEYS] or [key for key in _KEYS[:1] if key not in cell]:
-        msg = f"{name}: {unknown[0]!r} is {'missing' if unknown[0] in _KEYS else 'none of ' + ', '.join(_KEYS)}"
+    if unknown := [key for key in cell if key not in _KEYS]:
+        msg = f"{name}: {unknown[0]!r} is none of {', '.join(_KEYS)}"
         raise ValueError(msg)
-    steps = np.atleast_2d(_numbers(name, "steps_s", cell.get("steps_s")))
+    if "steps_s" not in cell:
+        msg = f"{name}: 'steps_s' is missing"
+        raise ValueError(msg)
+    steps = np.atleast_2d(_numbers(name, "steps_s", cell["steps_s"]))
     first, s = (np.atleast_1d(_numbers(name, key, cell.get(key, []))) for key in ("first_s", "s_m"))
     counters = cell.get("counters", {})
     shown = all(np.all((times >= SHORTEST_S) & (times <= LONGEST_S)) for times in (steps, first))
