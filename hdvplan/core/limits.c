@@ -317,33 +317,39 @@ static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *fo
     }
 }
 
-/* Write the rows of several contacts; return the least gap. */
-static double
-write_rows(struct stage_scene *at, int64_t unit, const struct tightest *found, int count, double margin, int64_t row) {
+/* The least gap of several contacts [m]. */
+static double least_gap(const struct tightest *found, int count) {
     double least = FAR_M;
-    for (int number = 0; number < count; number++) {
+    for (int number = 0; number < count; number++)
         least = smaller(least, found[number].contact.gap);
+    return least;
+}
+
+/* Write the rows of several contacts. */
+static void
+write_rows(struct stage_scene *at, int64_t unit, const struct tightest *found, int count, double margin, int64_t row) {
+    for (int number = 0; number < count; number++) {
         if (found[number].contact.piece < 0)
             never_bind(&at->scene->program, at->stage, row + number, row + number + 1, HDV_CLEAR_M);
         else
             write_row(at, unit, &found[number], margin, row + number);
     }
-    return least;
 }
 
-/* Write the rows of one side of a body, and what is known of it. */
+/* Write what is known of one side of a body, and its rows where it is not clear. */
 static void write_side(
     struct stage_scene *at, int64_t unit, const struct looked *found, int side, int64_t row, struct hdv_edge *edge
 ) {
     double margin = at->scene->road[at->stage].margin + at->own->clearance;
-    double gap = write_rows(at, unit, found->at[side], HDV_ROWS_PER_SIDE, margin, row);
-    edge->clear = edge->gap = smaller(gap, found->near[side]);
-    if (at->own->rows > 2 * HDV_ROWS_PER_SIDE * at->scene->unit_count) {
-        double room = write_rows(at, unit, found->overhang[side], 2, 0.0, row + HDV_ROWS_PER_SIDE);
-        edge->clear = smaller(edge->clear, room);
-    }
+    int overhangs = at->own->rows > 2 * HDV_ROWS_PER_SIDE * at->scene->unit_count ? 2 : 0;
+    edge->gap = smaller(least_gap(found->at[side], HDV_ROWS_PER_SIDE), found->near[side]);
+    edge->clear = smaller(edge->gap, least_gap(found->overhang[side], overhangs));
     edge->looked = is_fine(at) ? LOOKED_FINELY : LOOKED;
     edge->never = edge->moved = 0.0;
+    if (is_clear(edge, margin, at->scene->binding))
+        return;
+    write_rows(at, unit, found->at[side], HDV_ROWS_PER_SIDE, margin, row);
+    write_rows(at, unit, found->overhang[side], overhangs, 0.0, row + HDV_ROWS_PER_SIDE);
 }
 
 /* Whether a side's rows are none, or those of another motion, or of stations alone. */
