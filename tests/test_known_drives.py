@@ -14,6 +14,7 @@ from hdvplan.finer import replanned
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.vehicle.load import load_vehicle
+from tests.nightly import nightly
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from random_drives import crosses, edges_around, random_drive, road_around
@@ -41,7 +42,7 @@ def test_a_known_drive_that_ends_in_a_bend_is_found() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["bus", "articulated-bus", "tractor-trailer", "a-double"])
+@pytest.mark.parametrize("name", ["bus", nightly("articulated-bus"), "tractor-trailer", nightly("a-double")])
 @pytest.mark.parametrize(("margin", "share"), [(0.05, 0.98), (0.02, 0.95)])
 def test_a_vehicle_finds_its_way_along_a_drive_with_centimetres_of_room(name: str, margin: float, share: float) -> None:
     found = np.array(answers(name, margin, range(12)))
@@ -50,7 +51,7 @@ def test_a_vehicle_finds_its_way_along_a_drive_with_centimetres_of_room(name: st
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["bus", "articulated-bus", "tractor-trailer", "a-double"])
+@pytest.mark.parametrize("name", ["bus", nightly("articulated-bus"), "tractor-trailer", nightly("a-double")])
 def test_a_street_narrower_than_the_vehicle_lacks_no_more_than_following_a_known_drive_does(name: str) -> None:
     found = answers(name, -0.1, range(4))
     assert max(found) < -KEPT_M  # never YES

@@ -101,6 +101,7 @@ def test_the_path_s_rows_are_in_the_order_of_driving_and_move_as_their_direction
         assert abs(np.angle(np.exp(1j * (before[1][2] - after[0][2])))) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_street_that_is_too_narrow_is_a_no_with_its_leg(cli: Cli, tmp_path: Path) -> None:
     walls = [
         line_feature(np.array([[-30.0, y], [50.0, y]]), edge="left", name=name) for name, y in (("south wall", -7.0), ("north wall", 10.0))

@@ -78,6 +78,7 @@ def test_a_half_width_is_of_another_street_where_the_road_has_edges_of_its_own(c
     assert " m to both sides of the line for the bus, were the street as wide as that throughout: decided at s = " in told
 
 
+@pytest.mark.slow
 def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path: Path, bend: str) -> None:
     wanted = ("--format", "dxf,gpkg", "--sheet", "a4", "--stamp", "project=Line 18")
     outcome = cli("need", bend, "--vehicle", "bus", "--half-width", "2.1", "--out", "out", "--no-proof", *wanted)

@@ -207,6 +207,7 @@ def test_a_plan_can_be_balanced_about_a_bias(cli: Cli, tmp_path: Path, short_roa
     assert float(middles[0].mean()) == pytest.approx(0.3, abs=0.03)
 
 
+@pytest.mark.slow
 def test_several_vehicles_are_compared_and_answered_as_each_by_itself(cli: Cli, short_road: str) -> None:
     outcome = cli("plan", short_road, "--vehicle", "bus, a-double", "--half-width", "1.7", "--out", "both")
     assert outcome.code == 1

@@ -183,6 +183,7 @@ def test_a_side_without_room_or_of_no_such_name_is_bad_input(cli: Cli, tmp_path:
     assert (wrong.code, "region 'o0' has pass = 'up'" in wrong.err) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_side_that_nothing_takes_is_a_warning(cli: Cli, tmp_path: Path) -> None:
     said = "warning: --pass left has no effect: no obstacle lies on the line, or each has a side of its own"
     for given, told in ((("right", "right"), True), (("right",), False)):

@@ -20,6 +20,7 @@ from hdvplan.report.summary import summary_of
 from hdvplan.road.scenarios import shipped
 from hdvplan.vehicle.load import preset_names
 from tests.docs.blocks import FENCE, Block, Reader, blocks_of, runnable
+from tests.nightly import nightly
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
@@ -62,6 +63,7 @@ def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 _SLOW = [path for path in RUN if _has(("slow",), path)]
+_LONGEST = "turning-heads"  # as long as all the others together
 
 
 @pytest.mark.parametrize("path", [README, *(path for path in RUN if path not in _SLOW)], ids=_name)
@@ -70,7 +72,7 @@ def test_every_block_runs_in_its_order(path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", _SLOW, ids=_name)
+@pytest.mark.parametrize("path", [nightly(path) if path.stem == _LONGEST else path for path in _SLOW], ids=_name)
 def test_pages_with_slow_blocks_run_as_a_whole(path: Path) -> None:
     assert _run(path, slow=True)
 

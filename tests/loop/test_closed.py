@@ -111,11 +111,12 @@ def test_wheels_turn_no_faster_than_the_vehicle_steers(bend: Result) -> None:
 def test_noise_has_its_deviation_from_the_first_step_on(bend: Result) -> None:
     first: list[FloatArray] = []
 
-    def watching(track: Track, seen: Seen) -> FloatArray:
+    def watching(_track: Track, seen: Seen) -> FloatArray:
         first.append(seen.offset)
-        return track.at(track.wheels, seen.way)
+        return broken(_track, seen)
 
-    closed_loop(bend, watching, LoopSettings(runs=100))
+    with pytest.raises(OptionError, match="no idea"):
+        closed_loop(bend, watching, LoopSettings(runs=100))
     assert first[0].std() == pytest.approx(0.05, rel=0.15)  # of 300 numbers: a deviation's own is 4 %
 
 

@@ -84,6 +84,7 @@ def test_a_straight_road_needs_half_the_vehicles_width() -> None:
     assert found.room == pytest.approx(0.5 * BUS.width, abs=1e-6)  # the simulation of a straight drive is exact to rounding
 
 
+@pytest.mark.slow
 def test_drives_that_end_where_they_are_worse_change_no_answer(bend: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     whole: list[Result] = []
     every = least(bend, Question(even(bend.road), SIDES, 0.5 * BUS.width, (WIDE_M,)), on_result=whole.append)
@@ -120,6 +121,7 @@ def test_a_long_circle_needs_what_the_balanced_circle_sweeps() -> None:
     assert expected - 1e-3 < found.room < expected + TOLERANCE_M
 
 
+@pytest.mark.slow
 def test_a_little_more_room_fits_and_less_does_not(bend: Case) -> None:
     found = least_in_the_bend()
     assert found.result is not None
@@ -140,6 +142,7 @@ def test_the_plan_that_needs_least_just_touches_the_kerbs_there() -> None:
     assert abs(min(spare_of(found.result).values())) < 1e-3  # kerbs are chords of up to 0.3 mm; a secant ends near its root
 
 
+@pytest.mark.slow
 @settings(max_examples=3, deadline=None, derandomize=True)
 @given(st.floats(35.0, 100.0), st.floats(-0.3, 0.3))
 def test_the_answer_agrees_with_the_plan_in_a_street_with_a_corner(degrees: float, more: float) -> None:
@@ -179,6 +182,7 @@ def test_a_held_edge_that_no_plan_keeps_has_no_answer(bend: Case) -> None:
     assert found.room == np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wall", [(), (Region(Kind.OBSTACLE, shapely.box(-20.0, 2.3, 120.0, 3.0), "wall"),)], ids=["alone", "and a wall"])
 def test_obstacles_stay_where_they_are(wall: tuple[Region, ...]) -> None:
     case = case_on([0.0, 100.0], [0.0, 0.0])
@@ -205,6 +209,7 @@ def test_kerbs_that_overhangs_pass_over_leave_wheels_the_room_that_is_needed(ben
     assert abs(offset[0]) == pytest.approx(need.room.room, abs=TOLERANCE_M)
 
 
+@pytest.mark.slow
 def test_an_island_on_the_line_stays_where_the_kerbs_move() -> None:
     island = Region(Kind.SWEEPABLE, shapely.box(58.0, -0.8, 64.0, 0.8))
     road = Road("refuge", from_curvature(np.array([0.0, 120.0]), np.zeros(2)), regions=(island,)).with_limits(3.5, 3.5)

@@ -46,6 +46,7 @@ def found(narrow: Case, plans: list[Result]) -> Widenings:
     return least_widenings(narrow, plans)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["area", "depth"])
 def test_the_vehicle_fits_after_the_change_and_not_with_a_tenth_less(narrow: Case, found: Widenings, kind: str) -> None:
     widening = getattr(found, kind)
@@ -66,6 +67,7 @@ def test_the_least_area_is_smaller_and_the_least_depth_shallower(found: Widening
     assert LACK_M - 0.03 < found.depth.depth < LACK_M + 0.03
 
 
+@pytest.mark.slow
 def test_where_nothing_but_clearance_is_lacking_the_widening_is_what_it_lacks(narrow: Case) -> None:
     """No body is beyond a kerb there."""
     half = least_in_the_bend().room + 0.05
@@ -103,6 +105,7 @@ def test_the_drawing_shows_the_plan_that_the_widening_belongs_to(narrow: Case, f
     assert shapely.area(shapely.difference(land, shapely.buffer(swept, 0.1))) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("held", "side"), [("left", "right"), ("right", "left")])
 def test_a_kerb_that_must_not_move_leaves_an_area_on_the_other_side(held: str, side: str) -> None:
     case = corner(80.0)
@@ -157,6 +160,7 @@ def test_kerbs_that_move_outwards_leave_every_body_at_least_as_much_more_room() 
         assert after[side] >= before[side] + 0.5 - 1e-3  # chords of a kerb
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [1.8, 2.1])
 def test_a_kerb_that_goes_round_more_than_once_moves_in_every_round(half: float) -> None:
     free = case_on([0.0, 30.0, 30.0 + 3.0 * np.pi * 18.0, 60.0 + 3.0 * np.pi * 18.0], [0.0, 1.0 / 18.0, 1.0 / 18.0, 0.0])

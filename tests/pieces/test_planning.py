@@ -208,6 +208,7 @@ def test_a_long_road_is_planned_piece_by_piece_from_the_command_line(cli: Cli, t
     assert cli("report", "plan", "--out", "report.html").code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_long_roads_are_short")
 def test_a_long_road_that_is_too_narrow_is_told_with_exit_code_1(cli: Cli) -> None:
     outcome = cli("plan", ROAD, "--vehicle", "bus", "--half-width", "1.3", "--json", "--out", "plan")

@@ -83,6 +83,7 @@ def test_the_areas_are_the_street_and_go_on_beyond_its_ends(reading: str, room: 
     assert inside.intersection(found).difference(most).area < ROUNDING_M
 
 
+@pytest.mark.slow
 def test_the_three_readings_of_a_corner_are_proved_alike() -> None:
     proofs = [proof_of(Case(corner(reading, 3.0), CITARO)) for reading in READINGS]
     assert proofs[0] is not None

@@ -127,6 +127,7 @@ def test_what_is_drawn_can_be_planned_along_again(surveyed: Result, tmp_path: Pa
     assert road.path.length == pytest.approx(surveyed.drive.road.path.length, abs=0.1)  # smoothed again
 
 
+@pytest.mark.slow
 def test_a_geopackage_has_a_layer_for_every_kind_in_the_road_s_coordinates(mapped: Result, surveyed: Result, tmp_path: Path) -> None:
     for result, code in ((mapped, "EPSG:4326"), (surveyed, "EPSG:3006")):
         file = tmp_path / "plan.gpkg"

@@ -118,6 +118,7 @@ def test_the_film_goes_forwards_and_back_and_waits_at_the_cusp(straight: Result)
     assert back[0] > back[1] > back[2]
 
 
+@pytest.mark.slow
 def test_the_sheet_has_all_legs_to_scale_the_tightest_place_and_the_cusps(kerbed: Result) -> None:
     driven = legs_of(kerbed, kerbed)
     (page,) = PdfReader(BytesIO(legs_sheet_bytes(driven, SheetOptions("a2", 500), date="2026-11-25"))).pages

@@ -21,6 +21,7 @@ from hdvplan.report import sheet
 from hdvplan.report.paper import SCALES, Page, SheetOptions, pages_of
 from hdvplan.report.sheet import sheet_bytes
 from hdvplan.report.sheetmap import inset_scale, places_of
+from tests.nightly import nightly
 from tests.report.pdf import strokes
 
 FIELD_MM = (290.0, 200.0)
@@ -30,6 +31,7 @@ def read(result: Result, paper: str = "a3", scale: int | None = None) -> PdfRead
     return PdfReader(BytesIO(sheet_bytes(result, SheetOptions(paper, scale), date="2026-11-22")))
 
 
+@pytest.mark.slow
 def test_twenty_metres_are_a_hundred_millimetres_at_1_to_200(bus: Result) -> None:
     (page, *_) = read(bus, "a3", 200).pages
     level = [line for line in strokes(page) if len(line) == 2 and line[0, 1] == line[1, 1]]
@@ -136,7 +138,7 @@ def test_enlarged_places_show_what_the_driver_may_err(kerbed: Result, straight: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("paper", "stamps"), [("a4", 0), ("a4", 6), ("a3", 10)])
+@pytest.mark.parametrize(("paper", "stamps"), [nightly("a4", 0), ("a4", 6), nightly("a3", 10)])
 def test_no_text_lies_on_another_or_beyond_its_frame(
     monkeypatch: pytest.MonkeyPatch, bus: Result, kerbed: Result, trailer: Result, long: Result, paper: str, stamps: int
 ) -> None:

@@ -34,7 +34,7 @@ def test_json_holds_the_rows_and_nothing_else_is_said(cli: Cli, tmp_path: Path) 
     assert rows[-1]["published"] is None
 
 
-@pytest.mark.slow
+@pytest.mark.nightly  # each study has tests of its own
 def test_all_writes_every_study_and_a_summary(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
     outcome = cli("reproduce", "all", "--out", "all")
     before, *told = (line for line in outcome.err.splitlines() if not line.startswith("reproducing: "))  # one every ten seconds

@@ -123,7 +123,7 @@ def test_places_on_the_page_have_one_of_the_widths_to_choose_from(folder: Path, 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, nightly(signal.SIGTERM)])
+@pytest.mark.parametrize("number", [signal.SIGKILL, nightly(signal.SIGINT), nightly(signal.SIGTERM)])
 def test_a_study_that_is_ended_goes_on_from_there(study_file: Path, number: signal.Signals, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(study_file.parent)
     widths = ", ".join(f"{1.6 + 0.02 * step:.2f}" for step in range(60))

@@ -83,6 +83,7 @@ def test_the_picture_has_the_size_as_a_dimension_and_tells_kerbs_from_walls(temp
     assert labels == ([f"kerb, bodies may reach {over:.2f} m over it"] if over else ["wall, parked vehicle"])
 
 
+@pytest.mark.slow
 def test_the_sheet_has_the_site_to_scale_with_its_size_the_cusps_and_the_stamps(cli: Cli, tmp_path: Path, refuse_file: str) -> None:  # noqa: F811
     options = ("--width", "14", "--overhang", "0.5", "--sheet", "a3", "--scale", "200", "--stamp", "project=Depot 7", "--no-plot")
     outcome = cli("turn", "--vehicle", refuse_file, "--template", "three-point", *options)
@@ -95,6 +96,7 @@ def test_the_sheet_has_the_site_to_scale_with_its_size_the_cusps_and_the_stamps(
         assert words in text
 
 
+@pytest.mark.slow
 def test_blocks_out_of_view_are_no_areas_of_the_road_file(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
     """The neighbours of a dock askew stand apart; `plan` refused the areas without a point that were written for them."""
     cli("turn", "--vehicle", "WB-62", "--template", "dock-45", "--no-plot", "--quiet")
@@ -105,6 +107,7 @@ def test_blocks_out_of_view_are_no_areas_of_the_road_file(cli: Cli, tmp_path: Pa
     assert cli("plan", str(file), "--vehicle", "WB-62", "--no-plot").code in {0, 1}
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_ends_in_1_and_says_what_does(cli: Cli, refuse_file: str) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", refuse_file, "--template", "three-point", "--width", "9.5", "--no-plot")
     assert outcome.code == 1
