@@ -97,6 +97,7 @@ def test_a_case_that_another_process_unpickles_has_the_same_key_and_gives_the_id
     assert hdvplan.summary_of(theirs).keys() == hdvplan.summary_of(ours).keys()
 
 
+@pytest.mark.slow
 def test_the_key_depends_on_nothing_but_the_content() -> None:
     show = "from tests.test_case import straight; print(straight().key)"
     for seed in ("1", "2"):

@@ -30,6 +30,7 @@ def needed(module: Path) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 def test_the_deepest_chain_of_packages_has_at_most_14_floors() -> None:
     tops = [top for top in HOUSE.iterdir() if top.suffix == ".py" or (top / "__init__.py").is_file()]
     below = {top.stem: {one for module in (top.rglob("*.py") if top.is_dir() else [top]) for one in needed(module)} for top in tops}

@@ -67,6 +67,7 @@ def measured(base: Program, new: Program, out: Path) -> Comparison:
         )
 
 
+@pytest.mark.slow
 def test_a_fine_first_batch_is_enough_and_the_sides_take_turns_in_being_first(finished_run: Path, tmp_path: Path) -> None:
     diary: list[tuple[str, str]] = []
     base, new = (Recorded(name, Path(sys.executable), run=finished_run, diary=diary) for name in ("base", "new"))

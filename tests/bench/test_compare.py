@@ -62,6 +62,7 @@ def swept(measured: Measurement, **lengths: float) -> Measurement:
     return replace(measured, judgement=replace(measured.judgement, **lengths))  # type: ignore[arg-type] # lengths only
 
 
+@pytest.mark.slow
 def test_the_same_twice_is_fine_and_slower_cells_are_told_apart() -> None:
     assert held(side(), side(processes=6)).verdict is GateVerdict.FINE
     slower = held(side(), side(slow=1.3))
@@ -214,6 +215,7 @@ def test_a_plan_that_is_lost_says_its_last_words_in_every_format(cli: Cli, two_r
     assert all("raises AttributeError" in line for line in annotations if line.startswith("::error"))
 
 
+@pytest.mark.slow
 def test_one_process_a_side_is_never_red_by_its_times_as_the_hour_may_differ() -> None:
     assert held(side(processes=1), side(processes=1, slow=1.0001)).verdict is GateVerdict.FINE
     slower = held(side(processes=1), side(processes=1, slow=1.8))  # so much did one busy hour cost an unchanged program
@@ -452,6 +454,7 @@ def test_what_is_no_run_is_refused(cli: Cli, two_runs: tuple[Path, Path], spoil:
     assert words in outcome.err
 
 
+@pytest.mark.slow
 def test_a_run_is_held_to_committed_counters_and_renews_them_with_one_command(cli: Cli, tmp_path: Path, short_road: str) -> None:
     command = ("bench", "--roads", short_road, *TINY, "--rounds", "1", "--out", "run", "--counters", "counters.csv")
     missing = cli(*command)

@@ -76,6 +76,7 @@ def solved(row: dict[str, Any]) -> FloatArray:
     return np.array(solution.x)
 
 
+@pytest.mark.slow
 def test_the_manifest_names_every_program_with_its_place_and_how_exact_its_solution_is(sparse: Path) -> None:
     manifest = json.loads((sparse / "manifest.json").read_text(encoding="utf-8"))
     assert "MIT" in manifest["licence"]
@@ -113,6 +114,7 @@ def test_sparse_programs_are_what_was_planned_with_and_their_solutions_solve_the
         assert np.max(row["G"] @ row["x"] - row["h"]) < 1e-10
 
 
+@pytest.mark.slow
 def test_stages_are_the_programs_and_the_iterate_is_their_solution(staged: Path) -> None:
     for sequence, name in names(staged):
         stages, iterate = from_acados(staged, sequence, name)
@@ -139,6 +141,7 @@ def test_a_format_that_nobody_reads_is_refused(tmp_path: Path) -> None:
         export([], tmp_path, "mat")
 
 
+@pytest.mark.slow
 def test_multipliers_of_hard_rows_have_the_signs_that_the_module_states(files: list[Path]) -> None:
     rows = pd.read_parquet(files[1])
     assert set(rows.limits) == {"inactive"}

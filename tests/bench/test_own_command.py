@@ -266,6 +266,7 @@ print(json.dumps({{"cells": {{"depot": [0.001, 0.002]}}}}))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="turns are given by descriptors that a process inherits")
 def test_a_command_of_ones_own_can_take_turns(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(theirs)
@@ -299,6 +300,7 @@ def test_a_new_program_that_cannot_be_installed_without_an_index_is_no_regressio
     assert outcome.code == code
 
 
+@pytest.mark.slow
 def test_a_side_that_hangs_is_named(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(theirs)
     hangs = "import time\ntime.sleep(1e6)\n"
@@ -321,6 +323,7 @@ print(json.dumps({"cells": {"depot": [0.003 if cold else 0.001] * 10}}))
 """
 
 
+@pytest.mark.slow
 def test_a_planner_that_is_slow_without_its_cache_is_seen(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(theirs)
     command = ("bench", "--against", "HEAD", "--command", f"{sys.executable} ours.py", "--quiet", "--out", str(theirs.parent / "gate"))

@@ -105,6 +105,7 @@ def test_both_run_on_the_core_that_they_share(scratch: Scratch) -> None:
     assert ended.stdout.strip() == str({core})
 
 
+@pytest.mark.slow
 def test_a_process_that_runs_longer_than_its_limit_is_ended_and_waiting_for_turns_does_not_count() -> None:
     with scratch_folder() as scratch:
         hung = start([sys.executable, "-c", "import time; time.sleep(1e6)"], os.environ, scratch, limit=0.2)

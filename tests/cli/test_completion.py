@@ -25,6 +25,7 @@ def completed(*words: str) -> list[str]:
     return ended.stdout.split()
 
 
+@pytest.mark.slow
 def test_the_shell_completes_commands_roads_and_the_last_of_a_list() -> None:
     assert completed("hdvplan", "rep") == ["report", "reproduce"]
     assert completed("hdvplan", "plan", "goteborg_ny") == ["goteborg_nya_allen"]

@@ -54,6 +54,7 @@ def test_nearer_stations_find_the_plan_that_was_missed(missed: Result) -> None:
     assert attempts_text(found).endswith("m apart, it fits: that is the plan here")
 
 
+@pytest.mark.slow
 def test_limits_that_give_way_find_what_is_lacking_at_least(much: Result) -> None:
     assert verdict_of(much).spare == pytest.approx(-0.34, abs=0.02)  # the sum of breaches is least, not the deepest
     found = hdvplan.replanned(much)
@@ -64,6 +65,7 @@ def test_limits_that_give_way_find_what_is_lacking_at_least(much: Result) -> Non
     assert "planned again with limits that give way, 0.2" in attempts_text(found)
 
 
+@pytest.mark.slow
 def test_a_clearance_gives_way_first(much: Result) -> None:
     """What is lacking with a clearance is what is lacking without, and the clearance."""
     settings = replace(much.case.settings, clearance=0.1)
@@ -90,6 +92,7 @@ def test_a_yes_is_not_planned_again_and_what_cannot_be_planned_again_stays(misse
         assert hdvplan.replanned(result) is result
 
 
+@pytest.mark.slow
 def test_plan_tells_how_it_came_to_its_answer(cli: Cli, tmp_path: Path) -> None:
     rows = [f"{s:g},0,{ENOUGH_M + middle:.4f},{ENOUGH_M - middle:.4f}" for s, middle in zip(S, MIDDLE, strict=True)]
     (tmp_path / "strip.csv").write_text("\n".join(["s,kappa,left,right", *rows, ""]), encoding="utf-8")

@@ -85,6 +85,7 @@ def test_a_road_a_folder_and_a_page_of_any_name_are_only_named_so(cli: Cli, tmp_
     assert (tmp_path / name / "summary.json").is_file() is (outcome.code == 0)
 
 
+@pytest.mark.slow
 def test_obstacles_of_any_name_are_drawn_and_told(cli: Cli, tmp_path: Path) -> None:
     features: list[dict[str, Any]] = [
         {"type": "Feature", "properties": {"width_m": 9}, "geometry": {"type": "LineString", "coordinates": [[0, 0], [200, 0]]}}

@@ -48,6 +48,7 @@ def test_a_plan_s_own_path_is_judged_as_the_plan_was(cli: Cli, planned: Path, sh
     assert cli("report", "plan", "judged", "--out", "both.html").code == 0
 
 
+@pytest.mark.slow
 def test_a_path_in_degrees_is_judged_as_the_same_in_metres(cli: Cli) -> None:
     arguments = ("monaco_fairmont_hairpin", "--vehicle", "bus", "--half-width", "3.5", "--no-plot")
     assert cli("plan", *arguments, "--out", "plan").code in {0, 1}

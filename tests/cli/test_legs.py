@@ -28,6 +28,7 @@ def summary_of(folder: Path) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_a_turn_in_three_moves_is_planned_judged_told_and_written(cli: Cli, tmp_path: Path) -> None:
     written(tmp_path, *turn_features(), line_feature(WIDE, edge="left"))
     outcome = cli("plan", "turn.geojson", *QUICK, "--format", "png,svg,dxf,gpkg", "--sheet", "a4", "--animate")
@@ -146,6 +147,7 @@ def test_the_line_of_the_last_axle_leads_the_semitrailer_onto_a_dock(cli: Cli, t
     assert abs(end["beta1"]) < np.deg2rad(3.0)  # on the straight before the dock the vehicle is stretched again
 
 
+@pytest.mark.slow
 def test_where_walls_lead_out_of_the_model_a_plan_without_them_is_judged(cli: Cli) -> None:
     outcome = cli("plan", "three_point_turn", "--vehicle", "tractor-semitrailer", "--no-plot", "--no-refine")
     assert outcome.code == 1

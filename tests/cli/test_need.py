@@ -56,6 +56,7 @@ def test_json_is_all_that_stdout_gets(cli: Cli, bend: str) -> None:
     assert (told["proved_below_m"], told["proof"]) == (None, None)
 
 
+@pytest.mark.slow
 def test_several_vehicles_are_answered_together(cli: Cli, bend: str) -> None:
     arguments = ("need", bend, "--fix", "left", "--left", "2", "--no-plot", "--no-proof")
     outcome = cli(*arguments, "--vehicle", "bus,citaro-k", "--out", "both")

@@ -52,6 +52,7 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
     assert max(len(line) for line in tables) <= 80
 
 
+@pytest.mark.slow
 def test_a_plan_is_drawn_for_cad_maps_and_paper(cli: Cli, tmp_path: Path, short_road: str) -> None:
     command, folder = ("plan", short_road, "--vehicle", "bus", "--horizon", "30", "--half-width", "3"), tmp_path / "short.bus"
     assert cli(*command, "--format", "dxf,gpkg", "--sheet", "A4", "--scale", "1:500").code == 0

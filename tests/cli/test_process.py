@@ -114,6 +114,7 @@ def test_a_plan_ends_in_0_with_tables_on_stdout_and_silence_on_stderr(tmp_path: 
     assert ended.stderr == ""
 
 
+@pytest.mark.slow
 def test_a_picture_needs_nothing_of_what_the_user_has_set_up_for_others(tmp_path: Path) -> None:
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\n", encoding="utf-8")
     ended = hdvplan(tmp_path, "vehicles", "show", "bus", "--plot", MPLBACKEND="nonsense")

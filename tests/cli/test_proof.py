@@ -20,6 +20,7 @@ def bend(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_bus_that_cannot_pass_gets_a_proof_with_its_stretch(cli: Cli, bend: Path) -> None:
     outcome = cli("plan", *BEND, "--half-width", TOO_LITTLE_M, "--out", "out")
     assert outcome.code == 1

@@ -184,6 +184,7 @@ def _needed(file: Path) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 def test_the_house_in_the_design_is_the_one_that_is_built() -> None:
     """Its floors are those of the contract that CI checks, and every import leads to a lower one."""
     (drawn,) = (block.body for block in blocks_of((ROOT / "docs" / "design.md").read_text(encoding="utf-8")) if "house" in block.words)

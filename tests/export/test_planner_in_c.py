@@ -79,6 +79,7 @@ def test_the_sample_drives_what_hdvplan_drives_under_sanitizers(tmp_path: Path) 
     assert "0 with the budget spent, 0 kept, 0 beyond the model" in sample.stderr
 
 
+@pytest.mark.slow
 def test_every_plan_of_a_tight_drive_is_that_of_hdvplan(tight: ExportedPlanner) -> None:
     tight.begin(UNLIMITED)
     stepper = Stepper(TIGHT)
@@ -165,6 +166,7 @@ def test_a_state_outside_the_model_or_the_tables_has_no_plan(tight: ExportedPlan
         assert tight.counts[-1][0] == "beyond"
 
 
+@pytest.mark.slow
 def test_the_planner_asks_for_nothing_but_mathematics_and_copies(tmp_path: Path) -> None:
     for name, text in exported(TIGHT, UNLIMITED).items():
         (tmp_path / name).write_text(text, encoding="utf-8")

@@ -75,6 +75,7 @@ def test_a_wrong_gain_leaves_stanley_the_offset_that_its_law_says(circle: Result
     assert np.arctan(0.8 * offset / speed) == pytest.approx(angle * (1.0 - 1.0 / gain), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_runs_are_those_of_their_seed_and_their_gain(bend: Result) -> None:
     first, again = (closed_loop(bend, settings=LoopSettings(seed=3)) for _ in range(2))
     assert first.frame.equals(again.frame)

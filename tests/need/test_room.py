@@ -163,6 +163,7 @@ def test_the_clearance_is_added_to_what_the_vehicle_sweeps(bend: Case) -> None:
     assert kept == pytest.approx(plain + 0.3, abs=TOLERANCE_M)
 
 
+@pytest.mark.slow
 def test_a_held_edge_is_kept_and_the_other_side_gets_what_it_costs(bend: Case) -> None:
     even = least_in_the_bend().room
     held = kerbs_on(bend.road.with_limits(even - 0.3, even - 0.3), "left")

@@ -58,6 +58,7 @@ def test_the_vehicle_fits_after_the_change_and_not_with_a_tenth_less(narrow: Cas
         assert verdict_of(plan(replace(narrow, road=on_kerbs(narrow.road, less), objective=objective))).fits is False
 
 
+@pytest.mark.slow
 def test_the_least_area_is_smaller_and_the_least_depth_shallower(found: Widenings) -> None:
     assert found.area is not None
     assert found.depth is not None

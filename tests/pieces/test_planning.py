@@ -135,6 +135,7 @@ def test_where_no_plan_exists_the_place_is_that_on_the_whole_road(tmp_path: Path
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_an_obstacle_decides_on_a_road_that_has_no_limits_elsewhere(tmp_path: Path) -> None:
     found = lane_with_a_post(tmp_path, None)
     case = Case(found(), hdvplan.load_vehicle("bus"))

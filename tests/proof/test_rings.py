@@ -114,6 +114,7 @@ def test_a_ring_as_wide_as_the_least_is_not_called_impossible(name: str, radius:
     assert proof_of(ring(vehicle, radius, half_width)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "radius"), CELLS)
 def test_a_ring_three_centimetres_narrower_is_proved_impossible(name: str, radius: float) -> None:
     vehicle = load_vehicle(name)

@@ -33,6 +33,7 @@ def narrow() -> Result:
     return driven(2.2)
 
 
+@pytest.mark.slow
 def test_a_proof_is_added_to_a_plan_that_breaks_its_limits(narrow: Result) -> None:
     assert verdict_of(narrow).proof is None
     found = hdvplan.prove(narrow)

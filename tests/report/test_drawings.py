@@ -67,6 +67,7 @@ def notes(drawing: Drawing) -> str:
     return text.text
 
 
+@pytest.mark.slow
 def test_a_drawing_has_the_layers_that_a_draughtsman_switches(mapped: Result) -> None:
     drawing = opened(mapped)
     named = {layer.dxf.name for layer in drawing.layers}

@@ -126,6 +126,7 @@ def test_options_are_read_as_they_are_written() -> None:
             SheetOptions.named(paper, scale)
 
 
+@pytest.mark.slow
 def test_enlarged_places_show_what_the_driver_may_err(kerbed: Result, straight: Result) -> None:
     """A fill of three quarters white is the band; a plan that breaks its limits has none, nor what says so."""
     for result, shown in ((straight, True), (kerbed, False)):

@@ -86,6 +86,7 @@ def test_samples_of_an_arc_between_straights_are_read_as_arc_and_tangents(
     assert largest_deviation([(30.0, 0.0, 0.0), (length, k, k), (45.0, 0.0, 0.0)], spacing, phase) < 5e-3
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(**bends)
 def test_samples_of_an_s_bend_of_clothoids_are_read_as_a_curve(
@@ -161,6 +162,7 @@ def test_round_has_no_corner_and_stays_near_the_polyline() -> None:
     assert np.max(np.abs(np.diff(heading))) < 0.1  # 0.2 mm of a circle of 0.3 m
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(noise=st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), min_size=5, max_size=40), spacing=st.floats(1.0, 12.0))
 def test_noise_stays_in_the_line_without_overshoot(noise: list[tuple[float, float]], spacing: float) -> None:

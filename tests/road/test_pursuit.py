@@ -40,6 +40,7 @@ def street(points: FloatArray, half_width: float, vehicle: Vehicle) -> Road:
     return smoothed(Line("hairpin", raw, RoadOptions(max_curvature=1.25 * vehicle.max_curvature)))[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.05, 0.5, 1.5, 3.05])
 def test_a_hairpin_whose_arms_are_too_near_to_each_other_is_driven_along(radius: float) -> None:
     points = hairpin(radius)
@@ -102,6 +103,7 @@ def test_a_drive_keeps_to_a_line_that_it_can_follow_and_to_its_own_curvature_els
         assert np.max(np.abs(np.diff(heading))) <= 1.1 * K * 0.5  # over a step of half a metre
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("half_width", "word"), [(3.0, NO), (22.0, YES)])
 def test_a_street_round_a_tight_hairpin_is_answered(half_width: float, word: str) -> None:
     points, bus = hairpin(3.05), load_vehicle("bus")

@@ -171,6 +171,7 @@ def test_an_obstacle_over_the_seam_of_a_closed_road_is_one() -> None:
     np.testing.assert_allclose(right, [0.5, 0.5 - 0.16, 0.5 - 0.16, 0.5], atol=0.05)
 
 
+@pytest.mark.slow
 @given(
     bend=st.floats(-0.1, 0.1), offset=st.floats(-6.0, 6.0), along=st.floats(10.0, 50.0), depth=st.floats(0.02, 3.0),
     slope=st.floats(-0.05, 0.05),

@@ -459,6 +459,7 @@ def kerbs_of_closed_roads(draw: st.DrawFn) -> Kerb:
     return Kerb(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1), s, left=True, goes_on=goes_on)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @example(kerb=Kerb(np.array([[20.0, 0.0], [19.96, 4.243], [20.0, 0.0]]), np.array([0.0, 4.0, LAP]), left=True), begin=1.0, length=3.00001)
 @given(kerb=kerbs_of_closed_roads(), begin=st.floats(-2.0 * LAP, LAP), length=st.floats(1.0, LAP - 1.0))

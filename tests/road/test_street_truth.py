@@ -34,6 +34,7 @@ from hdvplan.road.street import Street, look
 from hdvplan.vehicle.body import axles_behind
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.load import load_vehicle
+from tests.nightly import nightly
 
 CITARO, BUS = load_vehicle("citaro"), load_vehicle("bus")
 SAME_M = 0.02  # of verdicts in one street: asked for
@@ -109,6 +110,7 @@ def streets(draw: st.DrawFn) -> FloatArray:
     return line
 
 
+@pytest.mark.slow
 @given(line=streets(), half_width=st.floats(2.2, 5.0))
 @few
 def test_the_kerbs_of_a_width_are_those_of_the_mitred_edges(line: FloatArray, half_width: float) -> None:
@@ -144,6 +146,7 @@ def test_a_random_street_of_corners_is_the_same_answer_by_width_and_by_edges(lin
         assert one.spare == pytest.approx(other.spare, abs=SAME_M if one.spare > -0.5 else 0.1)
 
 
+@pytest.mark.slow
 @given(line=streets(), half_width=st.floats(2.2, 5.0), offset=st.floats(-1.5, 1.5), turned=st.floats(-0.3, 0.3))
 @few
 def test_a_kerb_is_as_near_however_long_its_pieces_are(line: FloatArray, half_width: float, offset: float, turned: float) -> None:
@@ -243,8 +246,8 @@ def fresnel(parts: list[tuple[float, float, float]], s: FloatArray) -> FloatArra
     return np.stack([found.real, found.imag], axis=1)
 
 
-@pytest.mark.parametrize("spacing", [1.0, 5.0, 12.0])
-@pytest.mark.parametrize("count", [8, 10, 12, 16, 24, 40])
+@pytest.mark.parametrize("spacing", [1.0, nightly(5.0), 12.0])
+@pytest.mark.parametrize("count", [8, nightly(10), nightly(12), 16, nightly(24), pytest.param(40, marks=pytest.mark.slow)])
 def test_kerbs_beside_points_of_exact_curves_are_their_parallels(count: int, spacing: float) -> None:
     radius = count * spacing / (2.0 * math.pi)
     if radius <= RADIUS_M:

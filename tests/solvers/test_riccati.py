@@ -99,6 +99,7 @@ def test_one_broken_row_anywhere_leaves_the_rest_of_the_horizon_to_the_first_pas
     assert np.count_nonzero(result.point.rows > 1e-6) == 1
 
 
+@pytest.mark.slow
 @given(sizes=shapes(SIZES + MORE_SIZES), seed=st.integers(0, 10**6), tightness=st.floats(-0.5, 1.0), price=st.floats(-1.0, 5.0))
 @many
 def test_random_programs_are_solved_as_by_another_solver(sizes: StageShape, seed: int, tightness: float, price: float) -> None:
@@ -269,6 +270,7 @@ EVERY = [(vehicle, half_width, pinch) for pinch, courses in ((False, COURSES), (
 each_course = pytest.mark.parametrize(("vehicle", "half_width", "pinch"), EVERY)
 
 
+@pytest.mark.slow
 @each_course
 def test_on_recorded_drives_it_finds_what_piqp_finds(vehicle: str, half_width: float, pinch: bool) -> None:
     kept, witness, bound = None, None, 0

@@ -94,6 +94,7 @@ def test_every_cell_has_its_tightest_place_and_all_its_breaches(folder: Path, ti
     assert cells["breaches"].sum() > 0
 
 
+@pytest.mark.slow
 def test_only_what_changed_runs_anew_and_the_rest_stays_as_it_is(folder: Path, tiny: Entries) -> None:
     before, again = _run(folder, tiny).cells(), InHere()
     pd.testing.assert_frame_equal(before, _run(folder, tiny, again).cells())  # also what was measured: nothing was
@@ -312,6 +313,7 @@ def _flipped(part: Path) -> None:
     part.write_bytes(bytes(content))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "damage"), [("cells", _torn), ("cells", _flipped), ("places", _torn), ("places", _flipped), ("places", Path.unlink)]
 )

@@ -111,6 +111,7 @@ def test_roads_biases_and_code_lie_beside_the_study_that_names_them(folder: Path
     assert read_study(folder / "study.toml").roads[0].source == str(folder / "bend.csv")
 
 
+@pytest.mark.slow
 def test_a_study_of_too_many_cells_is_refused() -> None:
     widths = [1.0 + 1e-5 * number for number in range(100_000)]
     with pytest.raises(HdvplanError, match="100100000 cells; 100000000 are the most"):

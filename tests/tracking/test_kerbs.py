@@ -102,6 +102,7 @@ def touching(scene: Scene, chain: Chain, motion: Motion, aimed: Records) -> int:
     return count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_no_driver_who_errs_as_much_as_is_allowed_touches_a_kerb(name: str) -> None:
     scene, result, chain, error = driven(name)

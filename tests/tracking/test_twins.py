@@ -23,6 +23,7 @@ LITTLE_M = 1e-3  # [m]: nothing of second order counts
 ERRORS = {"bus": 0.8, "rear-steered-bus": 0.2, "semitrailer-steered": 0.2, "a-double": 0.1}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("followed", [False, True])
 @pytest.mark.parametrize("name", ERRORS)
 def test_units_stray_no_further_than_in_python(name: str, followed: bool) -> None:
@@ -38,6 +39,7 @@ def test_units_stray_no_further_than_in_python(name: str, followed: bool) -> Non
         np.testing.assert_allclose(made.strays[field], expected[field], rtol=0.0, atol=SAME, err_msg=field)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["semitrailer-steered", "a-double"])
 def test_gains_are_what_the_same_errors_do_at_a_place(name: str) -> None:
     made, at, number = tracked(bend(name), LITTLE_M), 45.0, int(45.0 / SPACING_M)
@@ -78,6 +80,7 @@ def test_what_is_followed_is_only_ever_nearer() -> None:
     np.testing.assert_allclose(made.strays["axle"], again.strays["axle"], rtol=0.0, atol=1e-6)  # ended where nothing changed any more
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_the_pairs_that_errors_may_close_are_those_of_numpy(name: str) -> None:
     result = hdvplan.plan(case_of(SCENES[name]))

@@ -35,6 +35,7 @@ swept_width = 20
 """
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_complies_ends_in_0_with_its_figures(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
     outcome = cli("turn", "--vehicle", "tractor-semitrailer", "--template", "eu-circle")
     assert (outcome.code, outcome.err) == (0, "")
@@ -79,6 +80,7 @@ def test_the_list_names_every_template_in_a_terminal_s_width(cli: Cli) -> None: 
     assert all(template["name"] in table and template["source"] for template in listed)
 
 
+@pytest.mark.slow
 def test_a_circle_whose_centre_is_within_a_body_ends_in_1(cli: Cli) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", "b-double", "--radius", "13.47", "--angle", "steady", "--guide", "front-corner")
     assert (outcome.code, outcome.out) == (1, "")
@@ -123,6 +125,7 @@ def test_a_turn_is_drawn_for_cad_with_the_figures_that_are_told(cli: Cli, tmp_pa
     assert not (tmp_path / "out" / "turn.dxf").exists()  # a drawing that is not asked for again does not stay
 
 
+@pytest.mark.slow
 def test_the_picture_is_to_scale_and_its_title_is_the_verdict() -> None:
     figure = turn_figure(turn(load_vehicle("tractor-semitrailer"), load_template("eu-circle")))
     assert figure.get_suptitle().replace("\n", " ").startswith(worded(YES, "tractor-semitrailer complies with eu-circle"))

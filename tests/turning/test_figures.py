@@ -22,6 +22,7 @@ def test_tail_swing_in_the_australian_turn_is_as_published(wheelbase: float, ove
     assert turn(rigid, load_template("pbs-90")).figures.tail_swing[0] == pytest.approx(swing, abs=0.005)  # demanded
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(preset_groups()["europe"]) - CANNOT))
 def test_a_european_preset_in_the_european_circle_keeps_the_radii_of_its_outline(name: str) -> None:
     found = turn(load_vehicle(name), load_template("eu-circle"))

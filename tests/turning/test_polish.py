@@ -23,6 +23,7 @@ def docked(vehicle: str, template: Template, spacing: float = 4.0, *, polish: bo
     return reversing(load_vehicle(vehicle), template, SiteOptions(door_spacing=spacing), starts=1, polish=polish)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("vehicle", "template", "gain"),
     [
@@ -65,12 +66,14 @@ def test_what_is_said_tells_what_was_polished() -> None:
     assert [reversal_json(one)["tried"][0]["polished"] for one in (polished, found)] == [True, False]
 
 
+@pytest.mark.slow
 def test_the_apron_of_a_dock_askew_falls_with_the_spacing_of_doors() -> None:
     narrow, wide = (docked("tractor-semitrailer", Template.DOCK_45, spacing).chosen for spacing in (4.0, 4.5))
     assert narrow.manoeuvre.size > wide.manoeuvre.size
     assert narrow.sizes < wide.sizes  # of straight pull-outs: 18.90, 19.45 m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("legs", [1, 3])
 def test_a_half_turn_between_walls_is_no_worse(legs: int) -> None:
     vehicle, options = load_vehicle("citaro"), SiteOptions(width=23.0 if legs == 1 else 15.5)

@@ -151,6 +151,7 @@ def test_no_pose_enters_what_stands_and_a_smaller_place_would_be_entered(dock: A
     assert dock.chosen.manoeuvre.room(walls).min() > -1e-9  # what bows out between poses has room, too: rounding
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("template", "vehicle", "polish"),
     [
@@ -198,6 +199,7 @@ def test_the_refuse_vehicle_turns_in_the_room_that_others_found(template: Templa
     assert reversing(refuse(), template, options, starts=3).chosen.manoeuvre.size <= most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rig", "polish"), [("tractor-semitrailer", False), ("WB-62", False), ("WB-62", True)], ids=["preset", "WB-62", "WB-62-polished"]
 )
@@ -209,6 +211,7 @@ def test_an_apron_falls_with_the_spacing_of_doors(rig: str, polish: bool) -> Non
     assert 1.3 < (aprons[0] - aprons[-1]) / (spacings[-1] - spacings[0]) < 2.2
 
 
+@pytest.mark.slow
 def test_an_apron_grows_with_the_rig() -> None:
     for polish in (False, True):
         rigs = [_apron(name, 4.0, polish=polish) for name in ("rigid-truck", "WB-40", "WB-62", "WB-67")]

@@ -51,6 +51,7 @@ def test_a_manoeuvre_that_fits_ends_in_0_with_its_files(cli: Cli, tmp_path: Path
     assert {"ROAD_FORWARD", "ROAD_BACKWARD", "OBSTACLES"} <= layers
 
 
+@pytest.mark.slow
 def test_the_poses_tell_leg_and_direction_and_go_on_at_the_cusps(cli: Cli, tmp_path: Path, refuse_file: str) -> None:  # noqa: F811
     cli("turn", "--vehicle", refuse_file, "--template", "three-point", "--no-plot", "--quiet")
     poses = pd.read_csv(tmp_path / "three-point.refuse" / "poses.csv")
