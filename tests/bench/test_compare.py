@@ -42,7 +42,7 @@ def side(*, slow: float = 1.0, processes: int = 3, rounds: int = 3, change: Chan
             measured.append([change(drive) for drive in drives] if factor is slow and not measured else drives)
         found.append(measured)
     samples = [samples_of(CELLS, measured) for measured in found]
-    envelope = envelope_table(CELLS, [measured[0].judgement for measured in found[0]])
+    envelope = envelope_table(CELLS, found[0])
     counters = counters_of(samples[0], timing_table(samples[0], CELLS, found[0], envelope), envelope)
     return Side(counters, tuple(times_of(table) for table in samples))
 

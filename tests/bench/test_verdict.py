@@ -10,7 +10,7 @@ from hdvplan.bench.measuring.pictures import bench_figure, pictured, share_withi
 from hdvplan.bench.measuring.ranking import Finding, Load, findings_of, load_of
 from hdvplan.bench.measuring.samples import NUMBERS, Measurement
 from hdvplan.bench.measuring.stats import Tables, tables_of
-from hdvplan.bench.measuring.timing import latex
+from hdvplan.bench.measuring.timing import latex, shown
 from hdvplan.bench.suite import Cell
 from hdvplan.bench.tables import FAILED, OVER_BUDGET
 from hdvplan.planning.settings import Scheme
@@ -61,9 +61,11 @@ def test_a_solver_that_fails_cannot_win_however_fast_it_is(bad: Measurement) -> 
 
 def test_a_solver_that_fails_later_takes_no_win_by_the_steps_that_it_did_fast() -> None:
     hasty = made_up([0.1, 0.0001], outcome=FAILED, message="no")
-    told = finding(tables(hasty=[hasty], riccati=[made_up([0.1, 0.001, 0.001])]))
+    found = tables(hasty=[hasty], riccati=[made_up([0.1, 0.001, 0.001])])
+    told = finding(found)
     assert (told.winner, told.runner_up, told.ratio) == ("riccati", None, None)
     assert told.text == "bus, rti: riccati is the only solver with all its steps accepted, 1 ms a step; not ranked with it: hasty"
+    assert list(shown(found.summary, "summary").set_index("solver")["x best"]) == ["1.0", "-"]
 
 
 def test_a_solver_that_drives_another_path_is_not_said_to_lack_accepted_steps() -> None:
@@ -78,6 +80,7 @@ def test_the_path_of_a_reference_that_is_wrong_itself_measures_no_other() -> Non
     found = tables(riccati=[replace(made_up([0.1, 0.0001], shift=0.05), distances=off)], other=[made_up([0.1, 0.001])])
     assert found.timing.set_index("solver")["status"].to_dict() == {"riccati": "wrong optimum", "other": "ok"}
     assert finding(found).winner == "other"
+    assert found.summary["path_difference_m"].isna().all()
 
 
 def test_a_solver_that_its_budget_stopped_is_compared_over_the_steps_that_both_did() -> None:

@@ -17,7 +17,7 @@ import pytest
 from hdvplan.bench.measuring.courses import cases_of
 from hdvplan.bench.measuring.run import Worker, remaining, run
 from hdvplan.bench.measuring.samples import Measurement, part_file, read_part
-from hdvplan.bench.measuring.stats import tables_of
+from hdvplan.bench.measuring.stats import WRONG, tables_of
 from hdvplan.bench.measuring.timing import untuned
 from hdvplan.bench.measuring.tuning import tuned
 from hdvplan.bench.suite import Suite, tuning_key
@@ -160,8 +160,22 @@ def test_tolerances_are_as_loose_as_the_accuracy_in_metres_allows(tiny: Suite, t
 def test_solvers_that_no_tolerance_brings_within_the_accuracy_are_named() -> None:
     suite = Suite(solvers=("riccati", "osqp"), classes=("off", "binding"), accuracy=1e-4)
     found = {tuning_key(name, limits): 1e-3 for name in suite.solvers for limits in suite.classes} | {tuning_key("osqp", "binding"): None}
-    assert untuned(suite, found) == ["NOT TUNED, limits binding: osqp; no tolerance meets 0.0001 m, or there is none to set"]
-    assert untuned(replace(suite, accuracy=None), {}) == []
+    timing = pd.DataFrame({"limits": ["off", "binding", "binding"], "solver": ["osqp", "osqp", "riccati"], "status": ["ok", WRONG, WRONG]})
+    assert untuned(suite, found, timing) == [
+        "TUNING MISSED, limits binding: riccati at 0.001; more was measured than was tuned on: measure again with --accuracy 1e-05",
+        "NOT TUNED, limits binding: osqp; no tolerance meets 0.0001 m, or there is none to set",
+    ]
+    assert untuned(replace(suite, accuracy=None), {}, timing) == []
+
+
+@pytest.mark.slow
+def test_tolerances_of_drives_hold_on_drives(tmp_path: Path, short_road: str) -> None:
+    """Recorded programs come with the reference's guesses, from which a loose tolerance looks accurate."""
+    suite = Suite(("riccati",), ("bus",), (short_road,), ("rti",), classes=("binding",), rounds=1, accuracy=1e-4, horizon=30.0)
+    tolerances = tuned(suite, cases_of(suite), lambda _: None)
+    makers: dict[str, WorkspaceMaker] = {name: solver_named("riccati", tolerance) for name, tolerance in tolerances.items()}
+    timing = tables_of(suite.cells(), measured(suite, makers, tmp_path, in_process=True), suite.accuracy).timing
+    assert list(timing["status"]) == ["ok"]
 
 
 def test_a_sample_gives_a_slow_solver_one_program_and_one_round(tiny: Suite, tmp_path: Path) -> None:

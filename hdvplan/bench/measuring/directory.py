@@ -109,7 +109,7 @@ def finish(suite: Suite, directory: Path) -> None:
         write_atomically(directory / f"{name}.md", encoded(markdown(table, name, caption[name], foot)))
         write_atomically(directory / f"{name}.tex", encoded(latex(table, name, caption[name], foot)))
     record |= {"finished": finished, "load_average_at_end": at_end, "load": asdict(load), "verdict": [asdict(one) for one in findings]}
-    record |= {"untuned": untuned(suite, record.get("tolerances", {}))}
+    record |= {"untuned": untuned(suite, record.get("tolerances", {}), tables.timing)}
     record |= {"solvers": [settings_words(name, record.get("tolerances", {})) for name in suite.solvers]}
     write_atomically(directory / NAME, json_bytes(record))
     _remove_parts(directory)

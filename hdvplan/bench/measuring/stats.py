@@ -41,7 +41,7 @@ class Tables:
 def tables_of(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None) -> Tables:
     """Return the tables of a benchmark; ``rounds[i]`` are the measurements of ``cells[i]``, held to ``accuracy`` [m] if it is given."""
     samples = samples_of(cells, rounds, accuracy)
-    envelope = envelope_table(cells, [measured[0].judgement for measured in rounds])
+    envelope = envelope_table(cells, rounds, accuracy)
     timing = timing_table(samples, cells, rounds, envelope, accuracy)
     judged = dict(zip(cells, (measured[0].judgement for measured in rounds), strict=True))
     return Tables(samples, timing, envelope, scheme_table(timing, judged), summary_table(samples, timing, envelope))
@@ -83,8 +83,7 @@ def timing_table(
     accuracy: float | None = None,
 ) -> pd.DataFrame:
     """Return time, iterations, failures and residuals of every cell, in the order of ``cells``, whose ``envelope_table`` is given."""
-    reference = {cell: drives for cell, drives in zip(cells, rounds, strict=True) if cell.solver == REFERENCE}
-    sound = {cell for cell, drives in reference.items() if status_of(drives, accuracy)[0] == OK}  # a path that is wrong measures none
+    trusted = any(cell.solver == REFERENCE for cell in cells)
     groups = dict(tuple(samples.groupby(KEY, sort=False)))
     most = samples[samples["round"] == 0].groupby(KEY, sort=False).size().groupby(COURSE).max()
     rows = []
@@ -92,7 +91,7 @@ def timing_table(
         mine = groups.get(key_of(cell), samples.iloc[:0])
         statistics = step_statistics(mine)
         statistics["failures"] += sum(drive.outcome == FAILED for drive in measured)
-        status, reason = status_of(measured, accuracy, float(apart) if replace(cell, solver=REFERENCE) in sound else np.nan)
+        status, reason = status_of(measured, accuracy, float(apart) if trusted else np.nan)
         reached = len(measured[0].steps)
         whole = reached if status == OVER_BUDGET else most.get((cell.road, cell.vehicle, str(cell.scheme), cell.limits), 0)
         whole = max(whole, reached + 1) if measured[0].outcome not in {OK, OVER_BUDGET} else whole  # the step in which it ended
@@ -184,18 +183,21 @@ def step_statistics(samples: pd.DataFrame) -> dict[str, float]:
     return row | {"primal_max": samples["primal"].max(skipna=False)}
 
 
-def envelope_table(cells: Sequence[Cell], judged: Sequence[Judgement | None]) -> pd.DataFrame:
+def envelope_table(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]], accuracy: float | None = None) -> pd.DataFrame:
     """Return the envelope balance of every cell; NaN where the drive did not reach its end.
 
-    ``path_difference_m`` is the largest difference of the executed e_y from the reference solver's under the same scheme.
+    ``path_difference_m`` is the largest difference of the executed e_y from the reference solver's under the same scheme; NaN where that
+    cell is not ok: a path that is wrong measures none.
     """
-    known = dict(zip(cells, judged, strict=True))
+    drives = dict(zip(cells, rounds, strict=True))
+    known = {cell: measured[0].judgement for cell, measured in drives.items()}
     reference = reference_solver([cell.solver for cell in cells])
     rows = []
+    sound = {cell for cell, measured in drives.items() if cell.solver == reference and status_of(measured, accuracy)[0] == OK}
     for cell, judgement in known.items():
         row: dict[str, object] = dict(zip(KEY, key_of(cell), strict=True))
         if judgement is not None:
-            like = known.get(replace(cell, solver=reference))
+            like = known[other] if (other := replace(cell, solver=reference)) in sound else None
             row |= {
                 "max_left_m": judgement.max_left,
                 "max_right_m": judgement.max_right,

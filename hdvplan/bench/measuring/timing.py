@@ -10,7 +10,7 @@ from rich.text import Text
 
 from hdvplan.bench.measuring.ranking import Finding, Load, group_words, how_ranked, unit_of
 from hdvplan.bench.measuring.referee import DUAL, PRIMAL_M
-from hdvplan.bench.measuring.stats import Tables, reference_solver
+from hdvplan.bench.measuring.stats import SOME_REFUSED, SOME_UNSOLVED, WRONG, WRONG_PATH, Tables, reference_solver
 from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words, tuning_key
 from hdvplan.bench.tables import OK
 from hdvplan.report.grid import grid, markdown_table
@@ -93,6 +93,7 @@ LAYOUTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "path_difference_m": ("path differs [m]", _TINY),
     },
 }
+_INACCURATE = (WRONG, WRONG_PATH, SOME_REFUSED, SOME_UNSOLVED)
 _FAIR = "Each solver has its own accuracy here; to compare them at an equal one: the same command with --accuracy 1e-4 --out bench-equal"
 _PATH, _OFF = "path differs [m]", "off the optimum [m]"
 _HEADLINE = ("solver", "step", "x best", "won", "accepted", "median", "worst", _PATH, _OFF)
@@ -157,6 +158,8 @@ def accuracy(summary: pd.DataFrame, tolerances: Mapping[str, float | None] | Non
 def shown(table: pd.DataFrame, name: str) -> pd.DataFrame:
     """Return the shown columns of table ``name`` as text under their headings; a dash where there is no value."""
     layout = LAYOUTS[name]
+    if name == "summary":  # what refuses steps is no faster for it; what its budget stopped has all that it did accepted
+        table = table.assign(ratio=table["ratio"].where(table["proved"].eq(True) | table["whole"].eq(False) & table["success"].eq(1.0)))
     plain = _ALWAYS in table and (table[_ALWAYS] == AS_SET).all()
     columns = {
         heading: ["-" if pd.isna(value) or value == "" else form.format(value) for value in table[column]]
@@ -196,11 +199,11 @@ def foot_of(
     """Return what stands below every table: what disturbed the machine or was not tuned, verdicts, settings of solvers, and failures."""
     texts = [finding.text for finding in findings]
     settings = [settings_words(solver, tolerances) for solver in suite.solvers]
-    return [*([load.warning] if load.warning else []), *untuned(suite, tolerances), *texts, *settings, *reasons_of(timing)]
+    return [*([load.warning] if load.warning else []), *untuned(suite, tolerances, timing), *texts, *settings, *reasons_of(timing)]
 
 
-def untuned(suite: Suite, tolerances: Mapping[str, float | None]) -> list[str]:
-    """Return a warning for each class of limits in which solvers run with their own tolerances, though the suite asks for an accuracy.
+def untuned(suite: Suite, tolerances: Mapping[str, float | None], timing: pd.DataFrame) -> list[str]:
+    """Return a warning for each class of limits in which solvers miss the accuracy that the suite asks for, or have their own tolerances.
 
     ``tolerances`` as ``hdvplan.bench.measuring.tuning.tuned`` returns them.
     """
@@ -208,6 +211,12 @@ def untuned(suite: Suite, tolerances: Mapping[str, float | None]) -> list[str]:
     for limits in (suite.classes or (AS_SET,)) if suite.accuracy is not None else ():
         where = "" if limits == AS_SET else f", limits {limits}"
         keys = {tuning_key(solver, limits): solver for solver in suite.solvers}
+        bad = set(timing.loc[(timing["limits"] == limits) & timing["status"].isin(_INACCURATE), "solver"])
+        if missed := [f"{solver} at {tolerances[key]:g}" for key, solver in keys.items() if solver in bad and tolerances.get(key)]:
+            found.append(
+                f"TUNING MISSED{where}: {', '.join(missed)}; more was measured than was tuned on: "
+                f"measure again with --accuracy {suite.accuracy / 10.0:g}"
+            )
         if not any(key in tolerances for key in keys):
             found.append(
                 f"NOT TUNED{where}: the reference can drive none of the courses that were tried, so all solvers "
@@ -239,7 +248,7 @@ def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, 
         for column in ("won", "accepted"):
             text[column] = text[column].str.replace(".0%", "%")
         ended = int((mine["cells"] - mine["cells_ok"]).sum())
-        caption = f"{ended} of {int(mine['cells'].sum())} cells are not ok; timing.csv says why." if ended else None
+        caption = f"{ended} of {int(mine['cells'].sum())} cells are not ok." if ended else None
         title = f"{group_words(*map(str, key))}: {one} [ms], all roads together"
         found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_TEXT, caption=caption))
     if len(schemes):

@@ -1,7 +1,8 @@
 """Compare solvers at the same accuracy: for every solver, the loosest tolerance that meets a distance from the optimum, in metres.
 
 Equal tolerances are not equal accuracies: each solver measures in its own way. So each is tried on recorded programs of every class of
-limits, from the loosest tolerance on, and tightened by a factor of ten wherever e_y lies too far from the reference's optimum.
+limits, from the loosest tolerance on, and tightened by a factor of ten wherever e_y lies too far from the reference's optimum. Recorded
+programs come with the reference's guesses; where drives are measured, whose guesses are the solver's own, each is tried on drives too.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from hdvplan.solvers.registry import SolverMaker, solver_named
 LADDER = tuple(10.0**-decade for decade in range(1, 12))
 _PROGRAMS = 4  # of every course, unless the benchmark has its own sample
 _BUDGET_S = 0.3  # for these programs by one solver: slow ones are tried on the first of them
+_DRIVE_S = 1.0  # for a drive: of one of a slow solver the beginning is tried
 _COURSES = 5  # of every class of limits, spread evenly
 
 
@@ -35,10 +37,20 @@ def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], No
     """
     wanted = suite.accuracy or np.inf
     makers: dict[str, WorkspaceMaker] = {maker.name: maker for name in suite.solvers for maker in _makers(name)}
-    short = replace(suite, sample=suite.sample or _PROGRAMS, budget=_BUDGET_S, rounds=1, accuracy=None)
+    short = replace(suite, sample=suite.sample or _PROGRAMS, budget=min(_BUDGET_S, suite.budget), rounds=1, accuracy=None)
+    drives = replace(short, sample=0, budget=min(_DRIVE_S, suite.budget))
     every, classes = len(suite.schemes) * len(suite.solvers), suite.classes or (AS_SET,)
     found: dict[str, float | None] = {}
-    with Worker(short, cases, makers) as worker:
+    with Worker(short, cases, makers) as sampling, Worker(drives, cases, makers) as driving:
+
+        def serves(course: int, solver: str) -> tuple[bool, bool]:
+            """Tell whether a solver meets the accuracy on a course, and whether the reference can drive that."""
+            measured = sampling(course * every, judged=True, solver=solver)
+            if suite.sample or measured.outcome == UNRECORDED or not meets(measured, wanted):
+                return meets(measured, wanted), measured.outcome != UNRECORDED
+            cells = range(course * every, (course + 1) * every, len(suite.solvers))  # one of each scheme
+            return all(meets(driving(cell, judged=True, solver=solver), wanted) for cell in cells), True
+
         for done, limits in enumerate(classes):
             courses = np.array([number for number, course in enumerate(suite.courses()) if course[2] == limits])
             chosen = courses[np.unique(np.linspace(0, len(courses) - 1, _COURSES).round().astype(int))].tolist()
@@ -47,9 +59,9 @@ def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], No
             for number, course in enumerate(chosen):
                 for ladder in ladders.values():
                     while ladder:
-                        measured = worker(course * every, judged=True, solver=ladder[0].name)
-                        recorded = recorded or measured.outcome != UNRECORDED
-                        if meets(measured, wanted):
+                        met, known = serves(course, ladder[0].name)
+                        recorded = recorded or known
+                        if met:
                             break
                         del ladder[0]
                 on_progress((done + (number + 1) / len(chosen)) / len(classes))
