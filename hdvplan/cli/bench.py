@@ -82,7 +82,7 @@ def bench(
     from hdvplan.bench.measuring.courses import cases_of
     from hdvplan.bench.measuring.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
     from hdvplan.bench.measuring.run import remaining, run
-    from hdvplan.bench.measuring.timing import LAYOUTS, summary_tables
+    from hdvplan.bench.measuring.timing import LAYOUTS, reasons_of, summary_tables
 
     if files.export_qps is not None:
         from hdvplan.bench.measuring.export import cases_to_export, export
@@ -131,8 +131,8 @@ def bench(
             print_json({**head, **{name: rows_json(tables[name]) for name in LAYOUTS}})
         elif not quiet:
             print_tables(*summary_tables(tables, record.get("tolerances")))
-            for finding in record["verdict"]:
-                print_line(finding["text"])
+            for line in (*reasons_of(tables["timing"]), *(finding["text"] for finding in record["verdict"])):
+                print_line(line)
             for warning in (record["load"]["warning"], *record.get("untuned", [])):
                 if warning:
                     warn(warning)

@@ -280,6 +280,7 @@ def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, sh
     assert (timing["status"] == "over budget").all()
     assert (timing["steps"] == 0).all()
     assert outcome.out.count("2 of 2 cells are not ok") == 2
+    assert f"riccati, over budget in 2 of 2 cells; {short_road}, bus, rti: stopped after " in outcome.out
     told = " ".join(outcome.out.split())
     assert "the largest distance of e_y from the optimum: riccati at 1e-08:" in told
     assert "; piqp at 1e-08:" in told
