@@ -12,6 +12,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hdvplan.bench.comparing.against import REPORTS
@@ -184,12 +185,17 @@ def test_processes_with_an_empty_home_are_cells_of_their_own() -> None:
     }
 
 
-def test_processor_time_decides_where_the_clock_cannot_unless_the_cell_is_a_small_part_of_it() -> None:
+def test_processor_time_decides_where_the_clock_cannot_if_the_steps_take_most_of_it_and_it_shows_enough() -> None:
     factors = (0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3, 1.4)  # the middle is fine, the interval is not
     steady, uneven = side(*[told_steps()] * 10), side(*[told_steps(slow=factor) for factor in factors])
-    for cpu, verdict in ((0.02, GateVerdict.FINE), (0.2, GateVerdict.UNMEASURABLE)):  # the steps take 20 ms of it
-        base = replace(steady, about=({"cpu_s": cpu, "load": 3.0},) * 10)
-        new = replace(uneven, about=tuple({"cpu_s": cpu * (1.0 + 2e-3 * number), "load": 3.0} for number in range(10)))
+    even, scattered = 2e-3 * np.arange(10), np.linspace(-0.07, 0.07, 10)
+    for cpu, start, more, verdict in (  # the steps take 20 ms
+        (0.021, 0.001, even, GateVerdict.FINE), (0.2, 0.18, even, GateVerdict.UNMEASURABLE),
+        (0.021, 0.02, even, GateVerdict.UNMEASURABLE),  # they wait
+        (0.021, 0.001, scattered, GateVerdict.UNMEASURABLE),  # within the interval, but 8 % could hide
+    ):  # fmt: skip
+        base = replace(steady, about=({"cpu_s": cpu, "start_s": start, "load": 3.0},) * 10)
+        new = replace(uneven, about=tuple({"cpu_s": cpu * (1.0 + one), "start_s": start, "load": 3.0} for one in more.tolist()))
         comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
         (entry,) = comparison.times
         assert (comparison.verdict, entry.verdict, entry.by_cpu) == (verdict, verdict, verdict is GateVerdict.FINE)
@@ -417,6 +423,10 @@ def test_the_last_words_of_pytest_name_the_test_that_failed_and_its_output_is_ke
 
 
 def test_what_is_slower_by_less_than_the_floor_is_told_with_the_floor() -> None:
-    base, new = (side(*[told_steps(slow=slow)] * 10) for slow in (0.05, 0.0575))
-    comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
-    assert verdict_line(comparison, Rule()).startswith("fine: no cell of 1 is slower by more than a factor of 1.08 and 0.01 ms")
+    for long, longer, words in (
+        (0.005, 0.00575, "fine: no cell of 1 is slower by more than a factor of 1.08 and 0.001 ms"),
+        (0.05, 0.055, "regressed: 1 of 1 cells slower, most depot: 1.10 times as long"),
+    ):
+        base, new = (side(*[told_steps(slow=slow)] * 10) for slow in (long, longer))
+        comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
+        assert verdict_line(comparison, Rule()).startswith(words)

@@ -30,6 +30,7 @@ from hdvplan.bench.comparing.sides import (
 from hdvplan.bench.tables import LOST, OK
 
 _GROUPS = 10  # of the rounds of a single process
+_BUSY = 0.8  # of the time of steps that is processor time, unless they wait
 _SCALES = {"ms": 1e3, "s": 1.0, "MB": 1e-6}
 Values = tuple[FloatArray, FloatArray]  # of both sides, (pairs,)
 Abouts = Sequence[Mapping[str, float]]
@@ -257,17 +258,31 @@ def _of_all(one: Quantity, base: tuple[Processes, Abouts], new: tuple[Processes,
 def _by_cpu(entry: Entry, found: Iterable[Entry], here: Processes, about: Sequence[Mapping[str, float]]) -> Entry:
     """Return a cell that the clock leaves open as fine where the processor time of whole processes leaves no room for what counts.
 
-    A cell takes a share of the process: its slowdown shows in that share of the processor time alone.
+    A cell takes a share of the process: its slowdown shows in that share of the processor time alone. Neither the interval of the
+    processor time nor what its noise hides may leave that room.
     """
     cpu = next((one.decision for one in found if one.quantity.times == CPU and not one.cell), None)
     open_ = entry.verdict is GateVerdict.UNMEASURABLE and entry.decision.ratio <= entry.decision.counting
     if cpu is None or not open_ or cpu.verdict is not GateVerdict.FINE or cpu.pairs < FEWEST or entry.cell not in here[0]:
         return entry
-    share = min(1.0, _mean([float(np.sum(cells[entry.cell].outside)) / one[CPU] for cells, one in zip(here, about, strict=False)]))
-    hidden = 1.0 + (cpu.high - 1.0) / share
-    if hidden > entry.decision.counting:
+    hidden = 1.0 + (max(cpu.high, cpu.shown) - 1.0) / _share(here, about, entry.cell)
+    if not hidden <= entry.decision.counting:
         return entry
     return replace(entry, decision=replace(entry.decision, verdict=GateVerdict.FINE), by_cpu=True)
+
+
+def _share(processes: Processes, about: Abouts, name: Name) -> float:
+    """Return the share of the processor time that a cell's steps take; NaN of steps that wait instead, or of which that is not known.
+
+    The processor time without the start must be about what all steps last, each with its fastest round.
+    """
+    lasted = {cell: _mean([_fastest(one[cell].outside) * one[cell].outside.size for one in processes]) for cell in processes[0]}
+    beside = [
+        one.get(START, np.nan) + one.get(UNREPORTED, 0.0) + sum(float(np.sum(steps.first)) for steps in cells.values())
+        for cells, one in zip(processes, about, strict=False)
+    ]
+    spent = _mean([one[CPU] for one in about])
+    return min(1.0, lasted[name] / spent) if spent - min(beside) >= _BUSY * sum(lasted.values()) else np.nan
 
 
 def _mean(values: Sequence[float]) -> float:

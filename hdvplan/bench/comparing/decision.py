@@ -99,6 +99,7 @@ class Decision:
     chance: float = 1.0  # of an agreement as large as this in any of the quantities, where the sides are the same
     detectable: float = np.inf  # the ratio that would be believed 9 times out of 10, of few pairs with a repeat; infinite where none would
     needed: bool = True
+    shown: float = np.inf  # as ``detectable``, whether so small a change counts or not
 
     @property
     def noise(self) -> float:
@@ -164,7 +165,7 @@ def _decided(one: Pairs, chance: float, detectable: float) -> Decision:
         verdict = GateVerdict.REGRESSED if one.independent and agree and low > 1.0 else GateVerdict.UNMEASURABLE
     elif one.needed and high > counting:
         verdict = GateVerdict.UNMEASURABLE
-    return Decision(verdict, pairs, base, new, ratio, low, high, counting, chance, max(detectable, counting), one.needed)
+    return Decision(verdict, pairs, base, new, ratio, low, high, counting, chance, max(detectable, counting), one.needed, detectable)
 
 
 def level_of(pairs: int) -> float:

@@ -140,7 +140,7 @@ def _judged(entry: Entry) -> dict[str, object]:
     found, unit = entry.decision, "_ms" if entry.decision.needed else ""
     numbers = {
         f"base{unit}": found.base, f"new{unit}": found.new, "ratio": found.ratio, "low": found.low, "high": found.high,
-        "noise": found.noise, "chance": found.chance, "detectable": found.detectable,
+        "noise": found.noise, "chance": found.chance, "detectable": found.detectable, "counts_from": found.counting,
     }  # fmt: skip
     return {"verdict": word_of(entry) if found.unseen else str(found.verdict), "by_cpu": entry.by_cpu, "pairs": found.pairs} | _known(
         numbers

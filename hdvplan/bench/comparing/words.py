@@ -19,7 +19,7 @@ from hdvplan.report.grid import grid, markdown_table
 ALL_CELLS = "all cells"  # what a statistic is of
 _WRONG = ("cell", "what", "base", "new", "new/base")
 _WORK = ("cell", "steps")  # changes of what is done at all
-_NUMBERS = ("base", "new", "new/base", "interval", "visible from", "verdict")
+_NUMBERS = ("base", "new", "new/base", "interval", "visible\nfrom", "verdict")  # so that 80 columns hold them
 _TIMES = (*KEY, "base [ms]", "new [ms]", *_NUMBERS[2:])
 _FOUND = (ALL_CELLS, *_NUMBERS)
 _TEXT = (*KEY, "verdict", "cell", "what", ALL_CELLS)
@@ -56,7 +56,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     if unsure:
         parts.append(f"too few processes to be sure of {', '.join(unsure)}")
     if cells and not slower and not unknown:
-        short = any(entry.decision.ratio > rule.factor for entry in comparison.times)  # and by less than the floor
+        short = any(entry.decision.counting > rule.factor for entry in comparison.times)  # the floor is more than the factor of a step
         least = f" and {1e3 * rule.floor:g} ms" if short else ""
         parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}{least}")
     unseen = [quantity_words(one) for one in comparison.found if one.decision.unseen and quantity_words(one) not in unsure]
@@ -188,9 +188,9 @@ def _numbers(entry: Entry) -> tuple[str, str, str]:
     return tuple("-" if number == "nan" else number for number in numbers)  # type: ignore[return-value] # three
 
 
-def _from(detectable: float) -> str:
-    """Return the smallest change that would have been found, as a percentage."""
-    return f"+{100.0 * (detectable - 1.0):.0f} %" if np.isfinite(detectable) else "-"
+def _from(ratio: float) -> str:
+    """Return the smallest change that counts, or would have been found, as a percentage."""
+    return f"+{100.0 * (ratio - 1.0):.0f} %" if np.isfinite(ratio) else "-"
 
 
 def _caption(comparison: Comparison) -> str:
@@ -198,8 +198,10 @@ def _caption(comparison: Comparison) -> str:
     if comparison.processes == 1:
         return f"One process a side, {pairs} rounds: machine and hour are compared too, so nothing here proves a slower program."
     repeat = ", with the repeat that it would have called for" if comparison.processes < FEWEST else ""
-    hidden = any(one.decision.unseen for one in comparison.found)
-    unseen = " Could not see: a change of the size that counts could hide in the noise." if hidden else ""
+    hidden = [f"{quantity_words(one)} {_from(one.decision.counting)}" for one in comparison.found if one.decision.unseen]
+    unseen = f" Could not see: changes that count could hide in the noise, {', '.join(hidden)} and more." if hidden else ""
+    by_cpu = any(one.by_cpu for one in comparison.times)
+    unseen += " By CPU: the processor time leaves no room for a change that counts." if by_cpu else ""
     return (
         f"Every step with its fastest round; base and new are of the pair of processes with the middle ratio of {pairs}, the interval "
         f"is that of the median. Visible from: the smallest slowdown that these pairs would have shown 9 times out of 10{repeat} "

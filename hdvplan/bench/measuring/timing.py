@@ -208,7 +208,9 @@ def untuned(suite: Suite, tolerances: Mapping[str, float | None], timing: pd.Dat
     ``tolerances`` as ``hdvplan.bench.measuring.tuning.tuned`` returns them.
     """
     found: list[str] = []
-    for limits in (suite.classes or (AS_SET,)) if suite.accuracy is not None else ():
+    if suite.accuracy is None:
+        return found
+    for limits in suite.classes or (AS_SET,):
         where = "" if limits == AS_SET else f", limits {limits}"
         keys = {tuning_key(solver, limits): solver for solver in suite.solvers}
         bad = set(timing.loc[(timing["limits"] == limits) & timing["status"].isin(_INACCURATE), "solver"])
