@@ -127,6 +127,11 @@ def test_each_side_runs_with_the_c_core_of_its_own_sources(ours: Path, scratch: 
     built.unlink()
     with pytest.raises(ProgramError, match="the core of the working tree cannot be compiled: no compiler"):
         new(scratch)
+    (ours / "hatch_build.py").write_text("import hatchling_of_nobody\n", encoding="utf-8")
+    with pytest.raises(OptionError, match="the core of the working tree cannot be compiled: hatchling_of_nobody is not installed") as told:
+        new(scratch)
+    assert str(told.value.hint).startswith("pip install hatchling_of_nobody")
+    (ours / "hatch_build.py").write_text("raise SystemExit('error: no compiler')\n", encoding="utf-8")
     git(ours, "commit", "--quiet", "--all", "--message", "nothing compiles")
     with pytest.raises(ProgramError, match=r"the core of HEAD \(\w+\) cannot be compiled: no compiler"):
         base("HEAD", scratch)

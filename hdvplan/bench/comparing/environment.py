@@ -96,7 +96,7 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
     What is installed is the project nearest to the folder in which the comparison starts.
 
     Raises:
-        OptionError: a release or file that cannot be installed.
+        OptionError: a release or file that cannot be installed, or no build tool for a core.
         ProgramError: a revision that cannot be installed, or whose core cannot be compiled, or no package index answers.
 
     """
@@ -167,6 +167,7 @@ def _build_core(program: Program, scratch: Scratch, on_step: Callable[[str], Non
     """Compile the C core of a source tree of hdvplan in place, if it has one and that is missing or of other sources.
 
     Raises:
+        OptionError: what builds it is not installed, which says nothing about the program.
         ProgramError: it cannot be compiled.
 
     """
@@ -177,6 +178,9 @@ def _build_core(program: Program, scratch: Scratch, on_step: Callable[[str], Non
         return
     on_step(f"compiling the core of {program.name}")
     ended = run([python, "-P", _BUILD], variables, scratch, program.source)
+    if missing := re.search(r"No module named '(\w+)", ended.words):
+        msg = f"the core of {program.name} cannot be compiled: {missing[1]} is not installed"
+        raise OptionError(msg, hint=f"pip install {missing[1]}, for {python}")
     if ended.code != 0:
         msg = f"the core of {program.name} cannot be compiled: {ended.words}"
         raise ProgramError(msg, tail=ended.tail, code=ended.code, hint=f"run `python {_BUILD}` there: it needs hatchling and a C compiler")
