@@ -15,6 +15,7 @@ from hdvplan.planning.bias import CENTRE, bias_named
 from hdvplan.planning.objectives import Objective, objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.proof.answer import proved
+from hdvplan.settings import of_kind
 from hdvplan.solvers.registry import SolverClass, SolverMaker, dependable, solver_named
 
 
@@ -47,6 +48,7 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None, on_p
 
 def follow(case: Case, path: GivenPath) -> Followed:
     """Return the drive along a path of one's own without judging it; see ``judge`` for the errors."""
+    of_kind("path", path, GivenPath, "hdvplan.GivenPath(points) is one, of an array (n, 2)")
     return followed(case.road, case.vehicle, case.settings, path, objective_named(case.objective))
 
 
@@ -56,6 +58,7 @@ def judge(case: Case, path: GivenPath) -> Result:
     The result is about the part of the road that the path covers. Its case has an objective and a solver that were not asked.
 
     Raises:
+        OptionError: it is no ``GivenPath``.
         RoadError: points that are no path, or that do not run along the road.
         PlanError: a curvature that the vehicle cannot steer, or a motion that leaves the model's domain.
 

@@ -13,10 +13,13 @@ import shapely
 
 from hdvplan.errors import RoadError
 from hdvplan.planning.bias import NONE, Bias
-from hdvplan.planning.settings import PlannerSettings
-from hdvplan.plugins import identity_of, name_of
+from hdvplan.planning.objective_names import check_objective
+from hdvplan.planning.settings import OBJECTIVE_NAMES, PlannerSettings
+from hdvplan.plugins import identity_of, is_reference, name_of
 from hdvplan.road.road import Road
+from hdvplan.settings import of_kind
 from hdvplan.solvers.registry import DEFAULT, SolverMaker
+from hdvplan.texts import meant_by
 from hdvplan.vehicle.model import Vehicle
 
 if TYPE_CHECKING:  # a case is made and compared without loading what plans
@@ -37,8 +40,8 @@ class Case:
     """One run: ``vehicle`` along ``road`` with an objective, a solver and settings, named as on the command line.
 
     ``bias`` is the wanted middle of the swept area, left positive. A case can be pickled, and gives the identical plan in another process
-    with the same versions on the same kind of machine. Cases with equal keys are equal. Names are looked up when the case is planned: a
-    case may name a solver that only another machine has. Objective and solver may also be Python objects (``objective_named``,
+    with the same versions on the same kind of machine. Cases with equal keys are equal. Names are looked up when the case is planned, which
+    may be on another machine; a misspelt objective is refused at once. Objective and solver may be Python objects (``objective_named``,
     ``solver_named``): the case can then be pickled if they can, and has a key if their source can be read.
     """
 
@@ -50,12 +53,19 @@ class Case:
     bias: Bias = NONE
 
     def __post_init__(self) -> None:
-        """Refuse limits of the road that lie where coordinates end.
+        """Refuse what is of another kind, a misspelt objective, and limits of the road that lie where coordinates end.
 
         Raises:
-            RoadError: one does.
+            OptionError: there is such a field.
+            RoadError: there is such a limit.
 
         """
+        of_kind("road", self.road, Road, "hdvplan.load_road('uturn') returns one")
+        of_kind("vehicle", self.vehicle, Vehicle, "hdvplan.load_vehicle('bus') returns one")
+        of_kind("settings", self.settings, PlannerSettings, "hdvplan.PlannerSettings(horizon=50.0) is one")
+        of_kind("bias", self.bias, Bias, "hdvplan.Bias.constant(0.3) is one")
+        if isinstance(self.objective, str) and not is_reference(self.objective) and meant_by(self.objective, OBJECTIVE_NAMES):
+            check_objective(self.objective)
         limits = self.road.limits
         if limits is None:
             return

@@ -15,7 +15,7 @@ from numbers import Real
 from types import NoneType
 from typing import Any, get_args, get_type_hints
 
-from hdvplan.errors import OptionError
+from hdvplan.errors import EntryError, OptionError
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def _field(name: str, hint: Any, default: object) -> Field:  # noqa: ANN401 - a 
 
 
 def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
-    """Refuse numbers that are not finite or outside their bounds, and words that are none of a field's choices.
+    """Refuse what is no number where one belongs, numbers that are not finite or outside their bounds, and words that are no choice.
 
     A word for a member of an enumeration becomes that member: members are told apart by identity.
 
@@ -86,6 +86,8 @@ def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
     """
     for name, field in fields_of(settings.__class__).items():
         value, setting = getattr(settings, name), field.setting
+        if field.kind in {int, float} and not (field.optional and value is None):
+            of_kind(name, value, Real)
         if isinstance(value, Real) and not (isfinite(value) and float(value) > setting.above and float(value) >= setting.least):
             msg = f"{name} must be {_bounds(setting)}, not {value:g}"
             raise OptionError(msg)
@@ -117,6 +119,19 @@ def choice(name: str, value: object, choices: Sequence[str]) -> str:
         msg = f"{name} must be {any_of(choices)}, not {value!r}"
         raise OptionError(msg)
     return str(value)
+
+
+def of_kind(name: str, value: object, kind: type, hint: str | None = None, error: type[EntryError] = OptionError) -> None:
+    """Refuse a value that is of another kind than its name needs, with ``error`` and the hint.
+
+    Raises:
+        EntryError: it is.
+
+    """
+    if not isinstance(value, kind):
+        said = " ".join(repr(value).split())  # of an array several lines
+        msg = f"{name} must be a {'number' if kind is Real else kind.__name__}, not {said:.60}"
+        raise error(msg, field=name, hint=hint)
 
 
 def any_of(choices: Sequence[str]) -> str:

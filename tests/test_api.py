@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -41,9 +43,35 @@ def test_a_plan_takes_the_command_line_s_names_and_tells_how_far_it_is() -> None
     assert (result.objective, result.solver) == ("lead-axle", "piqp")
     assert result.case == case
     assert shares[-1] == 1.0
-    for wrong, words in ((replace(case, solver="none"), "unknown solver"), (replace(case, objective="none"), "unknown objective")):
-        with pytest.raises(hdvplan.HdvplanError, match=words):
-            hdvplan.plan(wrong)
+    with pytest.raises(hdvplan.HdvplanError, match="unknown solver"):
+        hdvplan.plan(replace(case, solver="none"))
+
+
+UNIT = hdvplan.Unit(wheelbase=6.0, front_overhang=2.7, rear_overhang=3.3, width=2.55)
+PLAIN = hdvplan.Case(hdvplan.load_road("uturn"), hdvplan.load_vehicle("bus"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (lambda: hdvplan.Case(**vars(PLAIN) | {"road": "uturn"}), r"road must be a Road, not 'uturn'\nhint: hdvplan\.load_road"),
+        (lambda: hdvplan.Case(**vars(PLAIN) | {"vehicle": "bus"}), r"vehicle must be a Vehicle, not 'bus'\nhint: hdvplan\.load_vehicle"),
+        (lambda: hdvplan.Case(**vars(PLAIN) | {"bias": 0.3}), r"bias must be a Bias, not 0\.3\nhint: hdvplan\.Bias\.constant"),
+        (lambda: hdvplan.Case(**vars(PLAIN) | {"settings": {}}), r"settings must be a PlannerSettings, not \{\}"),
+        (lambda: replace(PLAIN, objective="balancd"), r"unknown objective 'balancd'\nhint: did you mean 'balanced'\?"),
+        (lambda: hdvplan.judge(PLAIN, [[0, 0], [1, 1]]), r"path must be a GivenPath, not \[\[0, 0\], \[1, 1\]\]\nhint: "),  # type: ignore[arg-type]
+        (lambda: hdvplan.PlannerSettings(horizon="50"), r"horizon must be a number, not '50'"),  # type: ignore[arg-type]
+        (lambda: hdvplan.Vehicle("a", [UNIT]), r"units must be a tuple, not \[Unit\("),  # type: ignore[arg-type]
+        (lambda: hdvplan.Vehicle("a", ("b",)), r"a unit must be a Unit, not 'b'"),  # type: ignore[arg-type]
+        (lambda: hdvplan.Vehicle("a", (UNIT,), max_curvature="b"), r"max_curvature must be a number, not 'b'"),  # type: ignore[arg-type]
+        (lambda: replace(UNIT, wheelbase=-3.8), r"wheelbase = -3\.8 m must lie between 0\.5 and 50 m\nhint: "),
+        (lambda: hdvplan.Unit(6.0, 2.7, 3.3, "2.55"), r"width must be a number, not '2\.55'"),  # type: ignore[arg-type]
+    ],
+)  # fmt: skip
+def test_what_is_of_another_kind_is_refused_where_it_is_made(wrong: Callable[[], object], words: str) -> None:
+    with pytest.raises(hdvplan.HdvplanError) as refused:
+        wrong()
+    assert re.match(words, "\n".join([str(refused.value), *getattr(refused.value, "__notes__", ())]))
 
 
 def test_a_second_plan_of_its_kind_tabulates_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from hdvplan.road.options import RoadOptions
 from hdvplan.road.scenarios import SCENARIOS, shipped
 from hdvplan.texts import did_you_mean, printable
 from hdvplan.vehicle.load import load_vehicle
-from hdvplan.vehicle.model import Unit, Vehicle
+from hdvplan.vehicle.model import Unit, Vehicle, refused_in
 
 MOST = 100_000  # values of one parameter, variants of one vehicle, combinations of settings
 _SEVERAL = (".shp", ".tab", ".mif")  # of which each consists of several files
@@ -247,7 +247,8 @@ def _setter(name: str, parameter: str, vehicle: Vehicle) -> Callable[[Vehicle, f
 
     def change(changed: Vehicle, value: float) -> Vehicle:
         units = list(changed.units)
-        units[index] = replace(units[index], **{own: value})  # type: ignore[arg-type] # every parameter is a number
+        with refused_in(f"vehicle {vehicle.name!r}, unit {index + 1}"):
+            units[index] = replace(units[index], **{own: value})  # type: ignore[arg-type] # every parameter is a number
         return replace(changed, units=tuple(units))
 
     return change

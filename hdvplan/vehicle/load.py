@@ -15,7 +15,7 @@ from hdvplan.errors import VehicleError
 from hdvplan.lengths import METRES
 from hdvplan.schema import parse_toml, read, read_text
 from hdvplan.texts import did_you_mean, printable
-from hdvplan.vehicle.model import Unit, Vehicle
+from hdvplan.vehicle.model import Unit, Vehicle, refused_in
 
 _DECIMAL_COMMA = re.compile(r"^\s*\w+\s*=\s*[+-]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
 _ACTIVE, _ACTIVELY = "active", 'steered = "active"'
@@ -231,7 +231,8 @@ def _unit(table: _UnitTable, number: int, where: str) -> Unit:
         raise VehicleError(msg, field="name")
     name = printable(table.name or "")
     _check_name(name, where)
-    return Unit(table.wheelbase, front, rear or 0.0, table.width, table.hitch_offset, name=name, **axle)
+    with refused_in(where):
+        return Unit(table.wheelbase, front, rear or 0.0, table.width, table.hitch_offset, name=name, **axle)
 
 
 def _check_name(name: str, where: str) -> None:

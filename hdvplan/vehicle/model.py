@@ -12,14 +12,18 @@ A trailer's axle with a ``max_steering_rate`` is active: the plan steers it, and
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Real
 
 import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import Records
 from hdvplan.errors import VehicleError
+from hdvplan.settings import of_kind
 
 MAX_DIMENSION_M = 50.0  # no single road unit is longer; catches millimetres and feet
 MAX_RATIO = 2.0  # of steering: an axle that follows its coupling's track exactly has 1
@@ -27,12 +31,21 @@ MAX_ANGLE = 0.25 * np.pi  # of an axle's wheels [rad]; catches degrees
 MOST_UNITS = core.number("HDV_MOST_UNITS")  # road trains on roads have up to nine; what planning takes grows with the cube of their number
 MAX_RATE = 1.0  # of an active axle's wheels [rad/m]; catches degrees
 
+_NUMBERS = (
+    "wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "steering_ratio", "max_steering_angle", "max_steering_rate"
+)  # fmt: skip
+
 UNIT = core.record("hdv_unit")  # hdvplan/core/hdvplan.h has the fields
 
 
 @dataclass(frozen=True)
 class Unit:
-    """One rigid body. Lengths in metres along the body's axis."""
+    """One rigid body. Lengths in metres along the body's axis.
+
+    Raises:
+        VehicleError: a dimension has the wrong sign or is impossible.
+
+    """
 
     wheelbase: float  #: front axle (first unit) or coupling (others) to the axle [m]
     front_overhang: float  #: body ahead of the front axle or coupling; negative where a bare drawbar reaches further [m]
@@ -43,6 +56,36 @@ class Unit:
     max_steering_angle: float = MAX_ANGLE  #: of this axle [rad]
     max_steering_rate: float = 0.0  #: of an axle that the plan steers, per metre travelled [rad/m]; 0: by the law
     name: str = field(default="", metadata={"decides": False})  #: name in messages and pictures
+
+    def __post_init__(self) -> None:
+        """Refuse impossible dimensions by name."""
+        for name in _NUMBERS:
+            of_kind(name, getattr(self, name), Real, error=VehicleError)
+        drawbar = max(self.wheelbase, 0.0)  # behind which the body of a trailer may begin
+        self._hold("wheelbase", 0.5)
+        self._hold("front_overhang", -drawbar)
+        self._hold("rear_overhang", 0.0)
+        self._hold("width", 0.5, 5.0)
+        self._hold("hitch_offset", -self.wheelbase)
+        if not (np.isfinite(self.steering_ratio) and 0.0 <= self.steering_ratio <= MAX_RATIO):
+            msg = f"steering_ratio = {self.steering_ratio:g} must lie between 0 and {MAX_RATIO:g}"
+            raise VehicleError(msg, field="steering_ratio", hint="a positive ratio turns the wheels out of the bend")
+        angle, rate = self.max_steering_angle, self.max_steering_rate
+        if not (np.isfinite(angle) and 0.0 < angle <= MAX_ANGLE):
+            msg = f"max_steering_angle = {angle:g} rad must lie above 0 and be at most {MAX_ANGLE:.3f}"
+            raise VehicleError(msg, field="max_steering_angle", hint=f"it is in radians: 20 degrees are {np.deg2rad(20.0):.3f}")
+        if not (np.isfinite(rate) and 0.0 <= rate <= MAX_RATE):
+            msg = f"max_steering_rate = {rate:g} rad/m must lie between 0 and {MAX_RATE:g}"
+            raise VehicleError(msg, field="max_steering_rate", hint="it is in radians per metre travelled")
+        if self.active and not self.steering_ratio > 0.0:
+            msg = "an active axle needs a steering_ratio above 0, to aim at on constant curves"
+            raise VehicleError(msg, field="steering_ratio")
+
+    def _hold(self, name: str, low: float, high: float = MAX_DIMENSION_M) -> None:
+        value = getattr(self, name)
+        if not (np.isfinite(value) and low <= value <= high):
+            msg = f"{name} = {value:g} m must lie between {low:g} and {high:g} m"
+            raise VehicleError(msg, field=name, hint="dimensions are in metres")
 
     @property
     def front(self) -> float:
@@ -58,6 +101,21 @@ class Unit:
     def active(self) -> bool:
         """Whether the plan steers the axle, not the law."""
         return self.max_steering_rate > 0.0
+
+
+@contextmanager
+def refused_in(where: str) -> Iterator[None]:
+    """Say of a unit that the block makes where it belongs.
+
+    Raises:
+        VehicleError: it is refused.
+
+    """
+    try:
+        yield
+    except VehicleError as error:
+        msg = f"{where}: {error}"
+        raise VehicleError(msg, field=error.field, hint=error.hint) from error
 
 
 @dataclass(frozen=True)
@@ -77,6 +135,9 @@ class Vehicle:
 
     def __post_init__(self) -> None:
         """Refuse impossible dimensions by name."""
+        of_kind("units", self.units, tuple, "units=(hdvplan.Unit(...),)", VehicleError)
+        for unit_ in self.units:
+            of_kind("a unit", unit_, Unit, "units=(hdvplan.Unit(...),)", VehicleError)
         if not self.units:
             msg = f"vehicle {self.name!r} has no unit"
             raise VehicleError(msg, hint="describe the bus or tractor in a [[unit]] table")
@@ -87,43 +148,17 @@ class Vehicle:
             ("max_curvature", self.max_curvature, "1/m"),
             ("max_curvature_rate", self.max_curvature_rate, "1/m^2"),
         ):
+            of_kind(name, value, Real, error=VehicleError)
             if not (np.isfinite(value) and 0.0 < value <= 1.0):
                 msg = f"vehicle {self.name!r}: {name} = {value:g} {unit} must lie above 0 and be at most 1"
                 raise VehicleError(msg, field=name)
-        for number, unit_ in enumerate(self.units, start=1):
-            self._check_unit(number, unit_)
-
-    def _check_unit(self, number: int, unit: Unit) -> None:
-        drawbar = unit.wheelbase if number > 1 else 0.0  # a body begins ahead of its axle
-        lowest = {"wheelbase": 0.5, "front_overhang": 0.0 - drawbar, "rear_overhang": 0.0, "width": 0.5, "hitch_offset": -unit.wheelbase}
-        highest = {"width": 5.0}
-        for name, low in lowest.items():
-            value, high = getattr(unit, name), highest.get(name, MAX_DIMENSION_M)
-            if not (np.isfinite(value) and low <= value <= high):
-                msg = f"vehicle {self.name!r}, unit {number}: {name} = {value:g} m must lie between {low:g} and {high:g} m"
-                raise VehicleError(msg, field=name, hint="dimensions are in metres")
-        if not (np.isfinite(unit.steering_ratio) and 0.0 <= unit.steering_ratio <= MAX_RATIO):
-            msg = f"vehicle {self.name!r}, unit {number}: steering_ratio = {unit.steering_ratio:g} must lie between 0 and {MAX_RATIO:g}"
-            raise VehicleError(msg, field="steering_ratio", hint="a positive ratio turns the wheels out of the bend")
-        angle = unit.max_steering_angle
-        if not (np.isfinite(angle) and 0.0 < angle <= MAX_ANGLE):
-            where = f"vehicle {self.name!r}, unit {number}"
-            msg = f"{where}: max_steering_angle = {angle:g} rad must lie above 0 and be at most {MAX_ANGLE:.3f}"
-            raise VehicleError(msg, field="max_steering_angle", hint=f"it is in radians: 20 degrees are {np.deg2rad(20.0):.3f}")
-        self._check_rate(f"vehicle {self.name!r}, unit {number}", unit, lead=number == 1)
-
-    @staticmethod
-    def _check_rate(where: str, unit: Unit, *, lead: bool) -> None:
-        rate = unit.max_steering_rate
-        if not (np.isfinite(rate) and 0.0 <= rate <= MAX_RATE):
-            msg = f"{where}: max_steering_rate = {rate:g} rad/m must lie between 0 and {MAX_RATE:g}"
-            raise VehicleError(msg, field="max_steering_rate", hint="it is in radians per metre travelled")
-        if unit.active and lead:
-            msg = f"{where}: max_steering_rate = {rate:g} rad/m, but only a trailer's axle can be steered actively"
+        lead = f"vehicle {self.name!r}, unit 1"
+        if self.lead.front_overhang < 0.0:
+            msg = f"{lead}: front_overhang = {self.lead.front_overhang:g} m must lie between 0 and {MAX_DIMENSION_M:g} m"
+            raise VehicleError(msg, field="front_overhang", hint="dimensions are in metres")
+        if self.lead.active:
+            msg = f"{lead}: max_steering_rate = {self.lead.max_steering_rate:g} rad/m, but only a trailer's axle can be steered actively"
             raise VehicleError(msg, field="max_steering_rate", hint="the rear axle of unit 1 takes a steering_ratio alone")
-        if unit.active and not unit.steering_ratio > 0.0:
-            msg = f"{where}: an active axle needs a steering_ratio above 0, to aim at on constant curves"
-            raise VehicleError(msg, field="steering_ratio")
 
     @property
     def lead(self) -> Unit:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hdvplan.errors import VehicleError
 from hdvplan.vehicle.body import POINTS_PER_EDGE, edge_points
 from hdvplan.vehicle.load import load_vehicle, parse_vehicle, preset_groups, preset_names, preset_text, read_vehicle
-from hdvplan.vehicle.model import Unit, Vehicle
+from hdvplan.vehicle.model import Unit, Vehicle, refused_in
 from tests.core.chains import few, three_units, vehicles
 
 PUBLISHED = {  # L1, L1f, L1r, W, M1, L2, L2r
@@ -207,13 +207,12 @@ def test_more_units_than_the_core_has_room_for_are_refused_however_they_come() -
     unit=st.integers(0, 2),
 )
 @few
-def test_an_impossible_dimension_is_refused_by_name_wherever_it_stands(field: str, wrong: float, unit: int) -> None:
-    chain = list(three_units().units)
-    chain[unit] = replace(chain[unit], **{field: wrong})  # type: ignore[arg-type] # of these fields, all are numbers
-    with pytest.raises(VehicleError) as caught:
-        Vehicle("drawn", tuple(chain))
+def test_an_impossible_dimension_is_refused_by_name_where_it_is_given(field: str, wrong: float, unit: int) -> None:
+    with pytest.raises(VehicleError) as caught, refused_in("here"):
+        replace(three_units().units[unit], **{field: wrong})  # type: ignore[arg-type] # of these fields, all are numbers
     assert caught.value.field == field
-    assert f"unit {unit + 1}" in str(caught.value)
+    assert str(caught.value).startswith(f"here: {field} = ")
+    assert caught.value.hint == "dimensions are in metres"
 
 
 @given(value=st.one_of(st.floats(max_value=0.0), st.floats(min_value=1.0, exclude_min=True), st.just(float("nan"))), rate=st.booleans())
