@@ -270,7 +270,7 @@ def test_a_wrong_request_ends_in_2_and_leaves_nothing(
 @pytest.mark.parametrize(("command", "words"), [("'", "cannot be split"), (" ", "is empty")])
 def test_a_command_of_no_words_is_refused(cli: Cli, command: str, words: str) -> None:
     outcome = cli("bench", *AGAINST, "--command", command)
-    assert (outcome.code, words in outcome.err) == (2, True)
+    assert (outcome.code, words in outcome.err, "hint: " in outcome.err) == (2, True, True)
 
 
 def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, short_road: str) -> None:

@@ -236,9 +236,9 @@ def command_words(text: str) -> tuple[str, ...]:
     try:
         words = shlex.split(text)
     except ValueError as error:
-        msg = f"the command {text!r} cannot be split into words: {error}"
-        raise OptionError(msg) from error
+        msg = f"the command {text!r} cannot be split into words: {str(error).lower()}"
+        raise OptionError(msg, hint="close every quotation; a quotation mark itself has a backslash before it") from error
     if not words or "\0" in text:
         msg = f"the command is {'empty' if not words else 'no text'}"
-        raise OptionError(msg)
+        raise OptionError(msg, hint="--command 'python -m ours.bench' measures your own planner")
     return tuple(words)
