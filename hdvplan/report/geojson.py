@@ -62,7 +62,8 @@ def swept_features(result: Result, areas: Sequence[BaseGeometry] | None = None, 
         features.append(feature(area, road, common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | reaches | styled))
     for kerb in shown_kerbs(result):
         kind, width = ("limit of overhangs", 1) if kerb.binds == "overhangs" else ("limit", 2)
-        features.append(feature(kerb.line, road, common | {"kind": kind, "side": kerb.side} | _line_style(INK, width)))
+        named = common | {"kind": kind, "side": kerb.side} | ({"bridged": True} if kerb.bridged else {})
+        features.append(feature(kerb.line, road, named | _line_style(INK, width)))
     features += [_broken(result, breach, common) for breach in result.balance.breaches]
     s = np.linspace(0.0, road.path.length, max(2, int(np.ceil(road.path.length / CENTRE_SPACING_M)) + 1))
     features.append(

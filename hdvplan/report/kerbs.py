@@ -26,12 +26,16 @@ _TEETH_M = 0.3  # between the outlines of two poses: filled, which shows no less
 
 
 class KerbLine(NamedTuple):
-    """A kerb in the plane [m]: its side, the region of a limit that it bounds, and whether it binds ``wheels`` or ``overhangs``."""
+    """A kerb in the plane [m]: its side, the region of a limit that it bounds, and whether it binds ``wheels`` or ``overhangs``.
+
+    Where it is ``bridged`` it was not drawn, but taken as straight.
+    """
 
     side: str
     region: str
     binds: str
     line: shapely.LineString
+    bridged: bool = False
 
 
 def kerb_lines(road: Road, s_from: float, s_to: float) -> list[KerbLine]:
@@ -57,13 +61,22 @@ def shown_kerbs(result: Result, s_from: float = 0.0, s_to: float = np.inf) -> li
     """Return the kerbs that a drawing shows beside a stretch, as far as they are judged: without widths only what is near the drive."""
     road = result.drive.road
     found = kerb_lines(road, *judged_stretch(result, s_from, s_to))
+    if road.bridges:
+        bridges = shapely.buffer(shapely.MultiLineString(list(road.bridges)), SIMPLER_M)
+        solid = [one._replace(line=part) for one in found for part in _lines(shapely.difference(one.line, bridges))]
+        parts = ((one, part) for one in found for part in _lines(shapely.intersection(one.line, bridges)))
+        found = [*solid, *(one._replace(line=part, bridged=True) for one, part in parts)]
     if road.limits is not None:
         return found
     path = road.path
     centre = shapely.LineString(np.column_stack(path.to_plane(np.linspace(0.0, path.length, max(2, int(path.length))), 0.0)))
     near = shapely.buffer(centre, result.balance.half_width + _NEAR_M)
-    parts = [(one, part) for one in found for part in shapely.get_parts(shapely.intersection(one.line, near))]
-    return [one._replace(line=part) for one, part in parts if isinstance(part, shapely.LineString) and not part.is_empty]
+    return [one._replace(line=part) for one in found for part in _lines(shapely.intersection(one.line, near))]
+
+
+def _lines(geometry: BaseGeometry) -> list[shapely.LineString]:
+    """Return the lines among the parts of a geometry."""
+    return [part for part in shapely.get_parts(geometry) if isinstance(part, shapely.LineString) and not part.is_empty]
 
 
 def judged_stretch(result: Result, s_from: float, s_to: float) -> tuple[float, float]:

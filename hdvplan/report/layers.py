@@ -101,7 +101,7 @@ def _envelopes(result: Result) -> Iterator[Drawn]:
 
 def _limits(result: Result) -> Iterator[Drawn]:
     for kerb in shown_kerbs(result):
-        yield Drawn(Layer.LIMITS, kerb.line, {"side": kerb.side, "binds": kerb.binds})
+        yield Drawn(Layer.LIMITS, kerb.line, {"side": kerb.side, "binds": kerb.binds, "bridged": kerb.bridged})
 
 
 def _tracks(result: Result) -> Iterator[Drawn]:

@@ -93,7 +93,8 @@ def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned
     named = set[str]()
     for result, leg in zip(driven.results, driven.legs.legs, strict=True):
         for kerb in shown_kerbs(result) if leg.road.limits is not None else ():
-            axes.plot(*turned(np.asarray(kerb.line.coords)).T, color=INK, linewidth=0.7 * weight, zorder=1.6)
+            dashes = (0, (4, 3)) if kerb.bridged else "-"
+            axes.plot(*turned(np.asarray(kerb.line.coords)).T, color=INK, linewidth=0.7 * weight, linestyle=dashes, zorder=1.6)
         line = turned(line_of(result))[:: -1 if leg.backward else 1]
         draw_line(axes, line, backward=leg.backward, named=leg.direction not in named, weight=weight)
         named.add(leg.direction)

@@ -85,6 +85,9 @@ def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, 
             look["color"] = body_dark(body)
         elif feature.layer is Layer.GUIDED_PATH:
             label = f"path of the {str(feature.properties['point']).replace('-', ' ')}"
+        elif feature.layer is Layer.LIMITS and feature.properties["bridged"]:
+            label = "not drawn, bridged"
+            look["linestyle"] = (0, (4, 3))
         elif feature.layer is Layer.LIMITS and feature.properties["binds"] == "overhangs":
             label = "limits of overhangs"
             look["linestyle"] = (0, (1, 1.5))

@@ -11,6 +11,7 @@ import scipy  # its subpackages load when they are first used
 from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up
 from hdvplan.errors import RoadError
 from hdvplan.road.about import About
+from hdvplan.road.chains import OVERLAP_M, Bridge, chained, gaps
 from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, project_many
@@ -21,14 +22,12 @@ from hdvplan.road.street import BEYOND_M
 _LOCATED_M = 2.0  # pieces of a drawn line are located at points this near to each other
 _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
-_GAP_M = 0.5  # ends of two lines this close are one kerb
-_OVERLAP_M = 1.0  # kerbs that run beside each other for longer are two
 _ELSEWHERE_M = 1000.0  # no street is so wide
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
 
-def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tuple[Kerb, ...], tuple[str, ...]]:
-    """Return the kerbs that drawn lines, each of shape (n, 2) [m], make beside ``path``, and notes on where there are none.
+def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tuple[Kerb, ...], tuple[Bridge, ...], tuple[str, ...]]:
+    """Return the kerbs that drawn lines, each of shape (n, 2) [m], make beside ``path``, what bridges their gaps, and notes on both.
 
     Names of lines do not count, only where they lie. A piece that goes over from one side of the road to the other beyond an end closes the
     street, as a kerb by itself; one that the road's own line ends on is where a drawn area ends, and the street is open there. Over a gap
@@ -49,14 +48,17 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
         pieces, across = [*pieces, *found], [*across, *told]
     open_place = about.kerbs(Limits.constant(OPEN_M, OPEN_M, path.length))
     kerbs: list[Kerb] = []
+    bridges: list[Bridge] = []
     notes: list[str] = []
-    for left in (True, False):
-        own = sorted((piece for piece in pieces if piece.left is left and piece.goes_on), key=lambda kerb: kerb.s[0])
-        chains = _going_on(_chained(own, path.length if path.closed else np.inf), path)
+    for left, side in ((True, "left"), (False, "right")):
+        own = [piece for piece in pieces if piece.left is left and piece.goes_on]
+        chains, between_them = chained(own, path)
         kerbs += [part for kerb in chains for part in within_lap(kerb, path)] or [kerb for kerb in open_place if kerb.left is left]
-        shown = [part for piece in own for part in within_lap(replace(piece, goes_on=False), path)]
-        notes += _gaps(sorted(shown, key=lambda kerb: kerb.s[0]), path.length, "left" if left else "right")
-    return (*kerbs, *(piece for piece in pieces if not piece.goes_on)), (*notes, *dict.fromkeys(across))
+        bridges += between_them
+        notes += gaps([part for piece in own for part in within_lap(replace(piece, goes_on=False), path)], path.length, side)
+        notes += [bridge.note(side, path) for bridge in between_them]
+    kerbs += [piece for piece in pieces if not piece.goes_on]
+    return tuple(kerbs), tuple(bridges), (*notes, *dict.fromkeys(across))
 
 
 def _refuse_elsewhere(line: FloatArray, edges: FloatArray) -> None:
@@ -156,7 +158,7 @@ def rising(s: FloatArray, offset: FloatArray) -> FloatArray:
     Round a side street in a bend the feet run far ahead of where the line comes back to the road: places near the road count there.
     """
     ahead: FloatArray = np.maximum.accumulate(s)
-    if np.max(ahead - np.minimum.accumulate(s[::-1])[::-1]) <= _OVERLAP_M:
+    if np.max(ahead - np.minimum.accumulate(s[::-1])[::-1]) <= OVERLAP_M:
         return ahead
     rising: FloatArray = scipy.optimize.isotonic_regression(s, weights=_weights(offset)).x
     return rising
@@ -167,7 +169,7 @@ def _refuse_wall(path: ReferencePath, s: FloatArray, offset: FloatArray, crossin
     here = float(s[crossing])
     for way in (1.0, -1.0):  # all of the line lies before, or beyond
         along = way * (here - s)
-        if all(np.max(along[side]) > _OVERLAP_M for side in (offset > 0.0, offset <= 0.0)) and np.min(along) > -_OVERLAP_M:
+        if all(np.max(along[side]) > OVERLAP_M for side in (offset > 0.0, offset <= 0.0)) and np.min(along) > -OVERLAP_M:
             return
     at = here % path.length if path.closed else here
     msg = f"a line that is drawn as an edge crosses the road's line at s = {at:.1f} m: it would close the street"
@@ -225,29 +227,6 @@ def _laps(distance: FloatArray, lap: float) -> FloatArray:
     return lap * np.round(distance / lap) if np.isfinite(lap) else np.zeros_like(distance)
 
 
-def _chained(pieces: list[Kerb], lap: float) -> list[Kerb]:
-    """Return one kerb of pieces that follow each other; those that run beside another one, perhaps a ``lap`` on [m], stay as they are."""
-    chains: list[Kerb] = []
-    for piece in pieces:
-        last = chains[-1] if chains else None
-        if last is not None and piece.s[0] > last.s[-1] - _OVERLAP_M and piece.s[-1] < last.s[0] + lap + _OVERLAP_M:
-            s = np.maximum.accumulate(np.concatenate([last.s, piece.s]))
-            chains[-1] = replace(last, points=np.concatenate([last.points, piece.points]), s=s)
-        else:
-            chains.append(piece)
-    return chains
-
-
-def _going_on(chains: list[Kerb], path: ReferencePath) -> list[Kerb]:
-    """Return one side's kerbs with those marked that go on: a single one, and of several those that run beside the whole road.
-
-    Of an open road's, those as long as the longest are taken for such: the street is not open beyond its ends because of a lay-by's line.
-    """
-    reach = [float(np.ptp(kerb.s if path.closed else np.clip(kerb.s, 0.0, path.length))) for kerb in chains]
-    whole = path.length if path.closed else max(reach, default=0.0)
-    return [replace(kerb, goes_on=len(chains) == 1 or own >= whole - _GAP_M) for kerb, own in zip(chains, reach, strict=True)]
-
-
 def within_lap(kerb: Kerb, path: ReferencePath) -> list[Kerb]:
     """Return what a kerb, which begins in a closed road's first lap and may go over the seam, is between the seam and the next one."""
     if not path.closed:
@@ -258,15 +237,3 @@ def within_lap(kerb: Kerb, path: ReferencePath) -> list[Kerb]:
         laps = [replace(kerb, points=np.concatenate([one.points for one in laps]), s=np.concatenate([one.s for one in laps]))]
     parts = [between(one, 0.0, path.length) for one in laps]
     return [part for part in parts if len(part.points) > 1]
-
-
-def _gaps(pieces: list[Kerb], length: float, side: str) -> list[str]:
-    """Return notes on the stretches without an edge."""
-    if not pieces:
-        return [f"no edge on the {side}: it is open to {OPEN_M:g} m"]
-    found, end = [], 0.0
-    for begin, last in [*((float(piece.s[0]), float(piece.s[-1])) for piece in pieces), (length, length)]:
-        if begin - end > _GAP_M:
-            found.append(f"no edge on the {side} from s = {end:.1f} to {min(begin, length):.1f} m: it goes on straight there")
-        end = max(end, last)
-    return found

@@ -139,8 +139,9 @@ def smoothed(line: Line, shortest: float = MIN_LENGTH_M) -> tuple[Road, FloatArr
         if raw.reaches is not None or raw.sides is not None:
             msg = f"{name}: the line has widths, and edges are drawn beside it"
             raise RoadError(msg, hint="keep one of the two: take the widths out of the file, or the edges")
-        kerbs, more = drawn_kerbs(path, raw.edges)
-        return replace(road, notes=(*road.notes, *(f"{name}: {note}" for note in more))).with_kerbs(kerbs), s_points
+        kerbs, bridges, more = drawn_kerbs(path, raw.edges)
+        notes = (*road.notes, *(f"{name}: {note}" for note in more))
+        return replace(road, notes=notes, bridges=tuple(bridge.ends for bridge in bridges)).with_kerbs(kerbs), s_points
     if raw.sides is not None:
         return road.with_kerbs(tuple(Kerb(side, s_points, left) for side, left in zip(raw.sides, (True, False), strict=True))), s_points
     return road.with_widths(_widths(s_points, raw.reaches)), s_points

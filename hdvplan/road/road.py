@@ -56,6 +56,8 @@ class Road:
     #: the line that widths count from; None: the path itself
     about: About | None = field(default=None, metadata={"decides": False})
     drawn: tuple[Kerb, ...] | None = None  #: the kerbs as they are drawn, of which ``limits`` are what lies beside the path
+    #: where straights bridge the gaps between drawn kerbs, (2, 2) each [m]
+    bridges: tuple[FloatArray, ...] = field(default=(), metadata={"decides": False})
     #: with which kerbs inside sharp corners are rounded [m]
     corner_radius: float = field(default=0.0, metadata={"decides": False})
     #: the faces of regions, as they are passed; None: each on its usual side
@@ -126,11 +128,11 @@ class Road:
 
         ``drawn`` are the kerbs themselves, where they do not follow from those.
         """
-        return replace(self, limits=limits, drawn=drawn, faces=None)
+        return replace(self, limits=limits, drawn=drawn, bridges=(), faces=None)
 
     def with_kerbs(self, kerbs: tuple[Kerb, ...]) -> Road:
         """Return the road in a street that is drawn."""
-        return self.within(limits_beside(self.path, kerbs), kerbs)
+        return replace(self.within(limits_beside(self.path, kerbs), kerbs), bridges=self.bridges)
 
     def with_widths(self, widths: Limits | None) -> Road:
         """Return the road with limits that count from the line as it was given."""

@@ -47,6 +47,10 @@ def test_what_lies_beyond_the_end_is_judged_told_and_drawn_there(straight: Resul
     (left, _) = (kerb.line for kerb in shown_kerbs(result))
     reached = corners(result.drive, np.array([len(result.drive.poses_s) - 1]))[0, 0, :, 0].max()
     assert left.bounds[2] >= reached > 84.0
+    bridge = np.array([narrow[1], narrow[2]])
+    drive = replace(result.drive, road=replace(result.drive.road, bridges=(bridge,)))
+    bridged = [kerb.line for kerb in shown_kerbs(replace(result, drive=drive)) if kerb.bridged]
+    assert [line.length for line in bridged] == [pytest.approx(2.0, abs=1e-3)]  # a quarter of a millimetre around it
 
 
 def test_overhangs_beyond_the_kerbs_of_wheels_are_no_conflict(kerbed: Result) -> None:

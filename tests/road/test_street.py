@@ -270,7 +270,7 @@ def test_neither_the_order_nor_the_direction_of_drawn_lines_matters(turned: bool
     path = arc(0.0, 100.0)
     upper, lower = np.array([[-5.0, 3.0], [50.0, 4.0], [105.0, 3.0]]), np.array([[-5.0, -2.0], [105.0, -2.0]])
     edges = tuple(edge[::-1] if turned else edge for edge in ((lower, upper) if swapped else (upper, lower)))
-    kerbs, notes = drawn_kerbs(path, edges)
+    kerbs, _, notes = drawn_kerbs(path, edges)
     assert not notes
     ((left,), (right,)) = lines(kerbs, left=True), lines(kerbs, left=False)
     for kerb, edge in ((left, upper), (right, lower)):
@@ -287,7 +287,7 @@ def test_a_polygon_s_caps_close_the_street_but_those_that_the_line_ends_on(first
     low, high = -beyond, 100.0 + beyond
     ring_ = np.roll(np.array([[low, -2.0], [high, -2.0], [high, 3.0], [low, 3.0]]), first, axis=0)
     ring_ = np.vstack([ring_, ring_[:1]])
-    kerbs, notes = drawn_kerbs(arc(0.0, 100.0), (ring_[::-1] if turned else ring_,))
+    kerbs, _, notes = drawn_kerbs(arc(0.0, 100.0), (ring_[::-1] if turned else ring_,))
     sides, caps = [kerb for kerb in kerbs if kerb.goes_on], [kerb for kerb in kerbs if not kerb.goes_on]
     assert sorted(kerb.left for kerb in sides) == [False, True]
     for kerb in sides:
@@ -319,7 +319,7 @@ def test_a_kerb_round_a_side_street_inside_a_bend_is_beside_the_road_where_it_co
     ahead = np.array([0.0, 25.0 * way])  # beyond the bend's centre
     inner = np.vstack([beside(np.arange(0.0, 31.0)), mouth[:1] + ahead, mouth[1:] + ahead, beside(np.arange(35.0, 91.0))])
     outer = np.stack(path.to_plane(np.arange(0.0, 91.0), -3.0 * way), axis=1)
-    kerbs, _ = drawn_kerbs(path, (inner[::-1] if turned else inner, outer))
+    kerbs, *_ = drawn_kerbs(path, (inner[::-1] if turned else inner, outer))
     (kerb,) = (kerb for kerb in kerbs if kerb.left is (way > 0.0))
     along = np.array([kerb.s[np.argmin(np.hypot(*(kerb.points - place).T))] for place in inner[33:]])
     np.testing.assert_allclose(along, np.arange(35.0, 91.0), atol=1.0)  # a quarter of the window in which kerbs are looked for
@@ -357,7 +357,7 @@ def test_a_kerb_from_one_side_street_to_another_inside_a_bend_is_directed_as_the
     corner = np.stack([x, y], axis=1)
     edge = np.vstack([corner[:1] + np.array([0.0, 26.0]), corner, corner[-1:] - np.array([26.0, 0.0])])
     outer = np.stack(path.to_plane(np.arange(0.0, 91.0), -3.0), axis=1)
-    kerbs, _ = drawn_kerbs(path, (edge[::-1] if turned else edge, outer))
+    kerbs, *_ = drawn_kerbs(path, (edge[::-1] if turned else edge, outer))
     (kerb,) = (kerb for kerb in kerbs if kerb.left)
     first, last = (int(np.argmin(np.hypot(*(kerb.points - corner[end]).T))) for end in (0, -1))
     assert first < last
@@ -366,14 +366,37 @@ def test_a_kerb_from_one_side_street_to_another_inside_a_bend_is_directed_as_the
 
 def test_over_a_gap_a_kerb_is_straight_and_it_is_told() -> None:
     upper = (np.array([[-5.0, 3.0], [30.0, 3.0]]), np.array([[40.0, 4.0], [105.0, 4.0]]))
-    kerbs, notes = drawn_kerbs(arc(0.0, 100.0), (*upper, np.array([[-5.0, -2.0], [105.0, -2.0]])))
+    kerbs, (bridge,), notes = drawn_kerbs(arc(0.0, 100.0), (*upper, np.array([[-5.0, -2.0], [105.0, -2.0]])))
     (left,) = lines(kerbs, left=True)
+    np.testing.assert_array_equal(bridge.ends, [[30.0, 3.0], [40.0, 4.0]])
     assert shapely.LineString(left.points).distance(shapely.Point(35.0, 3.5)) < 1e-9
-    assert notes == ("no edge on the left from s = 30.0 to 40.0 m: it goes on straight there",)
+    where = "from s = 30.0 to 40.0 m, x 30.0, y 3.0 to x 40.0, y 4.0"
+    assert notes == (f"no edge on the left for 10.0 m {where}: it is straight there; if not so, draw it",)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_kerbs_of_a_side_street_are_joined_at_its_mouth_and_at_its_end_however_they_are_drawn(turned: bool) -> None:
+    """The wall went from one corner of the mouth to the far end of the arm, and nothing told it."""
+    stem, near, bar = [[0.0, 3.5], [54.0, 3.5]], [[60.0, 40.0], [60.0, 9.0]], [[67.0, 40.0], [67.0, -90.0]]
+    path = from_curvature([0.0, 52.0, 54.0, 68.0, 70.0, 140.0], [0.0, 0.0, -0.0982, -0.0982, 0.0, 0.0])
+    edges = (np.array(bar), np.array(near[::-1] if turned else near), np.array(stem))
+    kerbs, bridges, notes = drawn_kerbs(path, edges)
+    (left,) = (kerb for kerb in kerbs if kerb.left)
+    assert left.goes_on
+    assert np.all(np.diff(left.s) >= 0.0)
+    assert shapely.hausdorff_distance(shapely.LineString(left.points), shapely.LineString([*stem, *near[::-1], *bar])) < 1e-9
+    np.testing.assert_array_equal([bridge.ends for bridge in bridges], [[stem[1], near[1]], [near[0], bar[0]]])
+    assert [note.partition(" from")[0] for note in notes[:2]] == ["no edge on the left for 8.1 m", "no edge on the left for 7.0 m"]
+
+
+def test_a_kerb_goes_on_from_the_one_before_it_and_not_from_a_lay_by() -> None:
+    pieces = [[-5.0, 4.0], [50.0, 4.0]], [[30.0, 2.5], [45.0, 2.5]], [[50.0, 4.0], [105.0, 4.0]]
+    _, bridges, _ = drawn_kerbs(arc(0.0, 100.0), (*map(np.array, pieces), np.array([[-5.0, -2.0], [105.0, -2.0]])))
+    assert bridges == ()
 
 
 def test_a_side_without_any_edge_is_open_and_told() -> None:
-    kerbs, notes = drawn_kerbs(arc(0.0, 100.0), (np.array([[-5.0, 3.0], [105.0, 3.0]]),))
+    kerbs, _, notes = drawn_kerbs(arc(0.0, 100.0), (np.array([[-5.0, 3.0], [105.0, 3.0]]),))
     assert notes == ("no edge on the right: it is open to 20 m",)
     (right,) = lines(kerbs, left=False)
     np.testing.assert_allclose(right.points[:, 1], -20.0, atol=1e-6)  # a straight of quintics
@@ -381,7 +404,7 @@ def test_a_side_without_any_edge_is_open_and_told() -> None:
 
 def test_lines_beside_each_other_are_kerbs_each() -> None:
     inner, outer = np.array([[30.0, 2.5], [60.0, 2.5]]), np.array([[-5.0, 4.0], [105.0, 4.0]])
-    kerbs, _ = drawn_kerbs(arc(0.0, 100.0), (outer, inner, np.array([[-5.0, -2.0], [105.0, -2.0]])))
+    kerbs, *_ = drawn_kerbs(arc(0.0, 100.0), (outer, inner, np.array([[-5.0, -2.0], [105.0, -2.0]])))
     wide, short = sorted(lines(kerbs, left=True), key=lambda kerb: kerb.s[0])
     assert shapely.hausdorff_distance(shapely.LineString(wide.points), shapely.LineString(outer)) < 1e-9  # rounding
     assert shapely.hausdorff_distance(shapely.LineString(short.points), shapely.LineString(inner)) < 1e-9
@@ -391,7 +414,7 @@ def test_lines_beside_each_other_are_kerbs_each() -> None:
 def test_the_outer_of_two_lines_goes_on_beyond_the_road() -> None:
     """A short line beside a long one, such as that of a lay-by, does not open the street at its ends."""
     inner, outer = np.array([[30.0, 2.5], [60.0, 2.5]]), np.array([[0.0, 4.0], [100.0, 4.0]])
-    kerbs, _ = drawn_kerbs(arc(0.0, 100.0), (outer, inner, np.array([[0.0, -2.0], [100.0, -2.0]])))
+    kerbs, *_ = drawn_kerbs(arc(0.0, 100.0), (outer, inner, np.array([[0.0, -2.0], [100.0, -2.0]])))
     street = Street.along(arc(0.0, 100.0), kerbs).pieces(0.0, 100.0).pieces
     begin, end = ends_of(street[street["left"] == 1])
     assert max(begin[:, 0].max(), end[:, 0].max()) > 110.0
@@ -399,7 +422,7 @@ def test_the_outer_of_two_lines_goes_on_beyond_the_road() -> None:
 
 def test_edges_beyond_the_ends_belong_to_the_street() -> None:
     upper = np.array([[-20.0, 3.0], [-3.0, 3.0], [-2.0, 1.0], [-1.0, 3.0], [102.0, 3.0], [104.0, 1.0], [120.0, 3.0]])
-    kerbs, _ = drawn_kerbs(arc(0.0, 100.0), (upper, upper * [1.0, -1.0]))
+    kerbs, *_ = drawn_kerbs(arc(0.0, 100.0), (upper, upper * [1.0, -1.0]))
     for kerb in kerbs:
         line = shapely.LineString(kerb.points)
         for x in (-2.0, 104.0):
@@ -415,7 +438,7 @@ def test_a_line_on_an_island_of_a_closed_road_is_a_kerb_there_alone_also_over_th
         return np.stack([radius * np.sin(angle), 20.0 - radius * np.cos(angle)], axis=1)
 
     path, full = ring(), 2.0 * np.pi
-    kerbs, notes = drawn_kerbs(path, (circle(17.0, begin, begin + full), circle(19.0, -0.2, 0.3), circle(22.5, begin, begin + full)))
+    kerbs, _, notes = drawn_kerbs(path, (circle(17.0, begin, begin + full), circle(19.0, -0.2, 0.3), circle(22.5, begin, begin + full)))
     assert not notes
     assert all(kerb.s[0] >= 0.0 and kerb.s[-1] <= path.length for kerb in kerbs)
     found = Street.along(path, kerbs).pieces(-path.length, 2.0 * path.length).pieces
@@ -433,7 +456,7 @@ def test_the_edges_of_a_road_that_crosses_itself_follow_their_own_arm() -> None:
                           np.array([0.0, 0.0, 1.0 / 12.0, 1.0 / 12.0, 0.0, 0.0]))  # fmt: skip
     s = np.linspace(0.0, 180.0, 181)
     edges = tuple(np.stack(path.to_plane(s, offset), axis=1) for offset in (3.0, -3.0))
-    kerbs, notes = drawn_kerbs(path, edges)
+    kerbs, _, notes = drawn_kerbs(path, edges)
     assert not notes
     assert sorted(kerb.left for kerb in kerbs) == [False, True]
     for kerb in kerbs:
@@ -494,5 +517,5 @@ def test_edges_far_from_everywhere_are_refused_rather_than_an_open_street() -> N
     with pytest.raises(RoadError, match="the edges lie 5000 km from the road") as refused:
         drawn_kerbs(arc(0.0, 100.0), (far,))
     assert "coordinates swapped" in (refused.value.hint or "")
-    _, notes = drawn_kerbs(arc(0.0, 100.0), (far, np.array([[0.0, 3.0], [100.0, 3.0]])))  # some are of another street
+    *_, notes = drawn_kerbs(arc(0.0, 100.0), (far, np.array([[0.0, 3.0], [100.0, 3.0]])))  # some are of another street
     assert notes == ("no edge on the right: it is open to 20 m",)

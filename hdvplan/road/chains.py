@@ -1,0 +1,90 @@
+"""Kerbs from the pieces that are drawn on one side of a road: which follow each other, and what is straight where none is drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hdvplan.arrays import FloatArray
+from hdvplan.road.path import ReferencePath
+from hdvplan.road.pieces import Kerb
+from hdvplan.road.regions import OPEN_M
+from hdvplan.road.street import BEYOND_M
+
+GAP_M = 0.5  # ends of two lines this close are one kerb
+OVERLAP_M = 1.0  # kerbs that run beside each other for longer are two
+_ALONG = 0.5  # metres of road a metre of kerb, below which it leads into a side street
+
+
+class Bridge(NamedTuple):
+    """A straight between two drawn pieces: its ends (2, 2) [m], and the arclengths beside them [m]."""
+
+    ends: FloatArray
+    s: tuple[float, float]
+
+    def note(self, side: str, path: ReferencePath) -> str:
+        """Return what is told of it."""
+        (x, y), (to_x, to_y) = self.ends
+        begin, end = np.mod(self.s, path.length) if path.closed else self.s
+        apart = f"no edge on the {side} for {np.hypot(to_x - x, to_y - y):.1f} m from s = {begin:.1f} to {end:.1f} m"
+        return f"{apart}, x {x:.1f}, y {y:.1f} to x {to_x:.1f}, y {to_y:.1f}: it is straight there; if not so, draw it"
+
+
+def chained(pieces: list[Kerb], path: ReferencePath) -> tuple[list[Kerb], list[Bridge]]:
+    """Return one side's kerbs of pieces that follow each other, and what bridges the gaps between these.
+
+    Pieces that run beside another one, perhaps a lap on, stay as they are; what leads into a side street runs beside nothing. A line that
+    is drawn only in a side street is taken from the end that is nearer to the piece before.
+    """
+    lap = path.length if path.closed else np.inf
+    chains: list[tuple[Kerb, float, float]] = []  # each with where it begins and ends beside the road
+    bridges = []
+    for piece, begin, end in sorted((_beside(piece, path) for piece in pieces), key=lambda one: one[1]):
+        before = [at for at, (_, first, last) in enumerate(chains) if begin > last - OVERLAP_M and end < first + lap + OVERLAP_M]
+        if not before:
+            chains.append((piece, begin, end))
+            continue
+        back = [replace(piece, points=piece.points[::-1], s=np.full(len(piece.s), begin))] if begin == end else []
+        at, after = min(((at, way) for way in (piece, *back) for at in before), key=lambda one: _apart(chains[one[0]][0], one[1]))
+        last, first, _ = chains[at]
+        s = np.maximum.accumulate(np.concatenate([last.s, after.s]))
+        if _apart(last, after) > GAP_M:
+            bridges.append(Bridge(np.stack([last.points[-1], after.points[0]]), (float(last.s[-1]), float(s[len(last.s)]))))
+        chains[at] = (replace(last, points=np.concatenate([last.points, after.points]), s=s), first, end)
+    return _going_on([kerb for kerb, _, _ in chains], path), bridges
+
+
+def _beside(piece: Kerb, path: ReferencePath) -> tuple[Kerb, float, float]:
+    """Return a piece with the arclengths of its first and last place that runs along the road: else twice that of its nearest one [m]."""
+    along = np.flatnonzero(np.diff(piece.s) > _ALONG * np.hypot(*np.diff(piece.points, axis=0).T))
+    if len(along):
+        return piece, float(piece.s[along[0]]), float(piece.s[along[-1] + 1])
+    here = path.extended(BEYOND_M, BEYOND_M).at(piece.s)
+    nearest = float(piece.s[np.argmin(np.hypot(here.x - piece.points[:, 0], here.y - piece.points[:, 1]))])
+    return piece, nearest, nearest
+
+
+def _apart(before: Kerb, after: Kerb) -> float:
+    """Return how far the end of a kerb is from the beginning of another [m]."""
+    return float(np.hypot(*(after.points[0] - before.points[-1])))
+
+
+def _going_on(chains: list[Kerb], path: ReferencePath) -> list[Kerb]:
+    """Return one side's kerbs with those marked that go on: a single one, and of several those that run beside the whole road.
+
+    Of an open road's, those as long as the longest are taken for such: the street is not open beyond its ends because of a lay-by's line.
+    """
+    reach = [float(np.ptp(kerb.s if path.closed else np.clip(kerb.s, 0.0, path.length))) for kerb in chains]
+    whole = path.length if path.closed else max(reach, default=0.0)
+    return [replace(kerb, goes_on=len(chains) == 1 or own >= whole - GAP_M) for kerb, own in zip(chains, reach, strict=True)]
+
+
+def gaps(pieces: list[Kerb], length: float, side: str) -> list[str]:
+    """Return notes on the stretches without an edge before the first piece and behind the last one."""
+    if not pieces:
+        return [f"no edge on the {side}: it is open to {OPEN_M:g} m"]
+    ends = (0.0, min(float(piece.s[0]) for piece in pieces)), (max(float(piece.s[-1]) for piece in pieces), length)
+    stretches = ((begin, end) for begin, end in ends if end - begin > GAP_M)
+    return [f"no edge on the {side} from s = {begin:.1f} to {end:.1f} m: it goes on straight there" for begin, end in stretches]
