@@ -20,6 +20,7 @@ from hdvplan.road.options import RoadOptions
 
 if TYPE_CHECKING:
     from hdvplan.judging.result import Result
+    from hdvplan.loop.closed import ClosedLoop
 
 _JUDGED = ("clearance", "tracking_error", "tracking_length")
 
@@ -50,7 +51,8 @@ def judge(
 
     The middle of the lead unit's rear axle follows PATH.csv exactly; its trailers are simulated. x and y are in the plane of the road's
     path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. A track that was recorded is smoothed first.
-    Prints and writes what `hdvplan plan` does.
+    Prints and writes what `hdvplan plan` does. Over each metre the path may turn more tightly than the vehicle by 1 % and 0.002 1/m, which
+    rounded points do.
 
     With --loop a simulated driver or controller follows PATH.csv, with delay, noise and gain errors; loop.csv has a row for each run,
     loop_worst.csv is the path of the run with the least room.
@@ -75,7 +77,9 @@ def judge(
     from hdvplan import api
     from hdvplan.case import Case
     from hdvplan.driving.followed import read_given_path
+    from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.result import result_of
+    from hdvplan.loop.closed import loop_json, loop_text
     from hdvplan.loop.track import follower_named
     from hdvplan.report.files import DRAWINGS, PICTURES
 
@@ -101,24 +105,23 @@ def judge(
         note(f"articulations come within {along.apart:.4f} rad of those in {path.name}", quiet=quiet)
     result = looked_again(result, proof=options.proof, refine=False, quiet=quiet)
     directory = output.out or Path(f"{file_name(path.stem)}.{file_name(track.name)}.{file_name(driven.name)}")
-    write(result, directory, kinds, drawn_on, animate=output.animate, quiet=quiet)
-    verdict = tell(result, directory, as_json=output.json, quiet=quiet)
-    code = exit_code_of(result, verdict)
-    return code if loop is None else max(code, _looped(result, loop, driving, directory, quiet=quiet))
+    runs = None if loop is None else _looped(result, loop, driving, quiet=quiet)
+    looped = None if runs is None else loop_json(runs)
+    write(result, directory, kinds, drawn_on, animate=output.animate, quiet=quiet, loop=looped)
+    if runs is not None:
+        with writing(f"to {directory}"):
+            write_atomically(directory / "loop.csv", csv_bytes(runs.frame))
+            write_atomically(directory / "loop_worst.csv", csv_bytes(runs.driven.frame(runs.worst)))
+    code = exit_code_of(result, tell(result, directory, as_json=output.json, quiet=quiet, loop=looped))
+    if runs is None or runs.fits is not False:
+        return code
+    report_error(loop_text(runs), f"loop.csv has all runs; `hdvplan judge {directory}/loop_worst.csv ...` draws the worst one")
+    return ExitCode.BROKEN
 
 
-def _looped(result: Result, follower: str, settings: LoopSettings, directory: Path, *, quiet: bool) -> ExitCode:
-    """Follow a judged path in a closed loop, write and tell what was driven, and return the exit code."""
-    from hdvplan.fileio import csv_bytes, write_atomically
-    from hdvplan.loop.closed import closed_loop, loop_text
+def _looped(result: Result, follower: str, settings: LoopSettings, *, quiet: bool) -> ClosedLoop:
+    """Follow a judged path in a closed loop."""
+    from hdvplan.loop.closed import closed_loop
 
     with progress("driving in a closed loop", quiet=quiet):
-        found = closed_loop(result, follower, settings)
-    with writing(f"to {directory}"):
-        write_atomically(directory / "loop.csv", csv_bytes(found.frame))
-        write_atomically(directory / "loop_worst.csv", csv_bytes(found.driven.frame(found.worst)))
-    if found.fits is False:
-        report_error(loop_text(found), f"loop.csv has all runs; `hdvplan judge {directory}/loop_worst.csv ...` draws the worst one")
-        return ExitCode.BROKEN
-    note(loop_text(found), quiet=quiet)
-    return ExitCode.OK
+        return closed_loop(result, follower, settings)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from hdvplan.road.road import Road
     from hdvplan.vehicle.model import Vehicle
 
+Json = dict[str, Any]
+
 _MOST_WARNINGS = 5
 _NEAR_M = 0.05  # room to spare below which people ask whether more can be had
 
@@ -61,27 +63,34 @@ def cleared(result: Result, *, quiet: bool) -> Result:
     return found
 
 
-def write(result: Result, directory: Path, kinds: list[str], sheet: SheetOptions | None, *, animate: bool, quiet: bool) -> None:
-    """Write the files of a judged drive, with pictures and drawings of these ``kinds``."""
+def write(
+    result: Result, directory: Path, kinds: list[str], sheet: SheetOptions | None, *, animate: bool, quiet: bool, loop: Json | None = None
+) -> None:
+    """Write the files of a judged drive, with pictures and drawings of these ``kinds``, and what a closed ``loop`` along it gave."""
     from hdvplan.report.files import DRAWINGS, write_plan
 
     pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
     with progress(f"writing {directory}/", quiet=quiet) as on_progress, writing(f"to {directory}"):
-        write_plan(result, directory, pictures=pictures, drawings=drawings, sheet=sheet, animate=animate, on_progress=on_progress)
+        write_plan(
+            result, directory, pictures=pictures, drawings=drawings, sheet=sheet, animate=animate, on_progress=on_progress,
+            more=None if loop is None else {"loop": loop},
+        )  # fmt: skip
 
 
-def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool) -> Verdict:
+def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool, loop: Json | None = None) -> Verdict:
     """Print verdict, warnings and tables of a judged drive, or its summary as JSON; return the verdict."""
     from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line, verdict_of
     from hdvplan.report.summary import summary_of
 
     verdict = verdict_of(result)
     if as_json:
-        print_json(summary_of(result))
+        print_json(summary_of(result) | ({} if loop is None else {"loop": loop}))
     elif not quiet:
         print_line(verdict_line(result, verdict))
         details = [verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
         print_line("; ".join(text for text in details if text))
+        if loop is not None:
+            print_line(loop["text"])
     if result.planned and _is_near(verdict):
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     warn_of(result, verdict, quiet=quiet)

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from hdvplan import api
+from hdvplan.answers import word_of, worded
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.followed import GivenPath
 from hdvplan.errors import HdvplanError, RoadError
@@ -150,6 +151,14 @@ def loop_text(loop: ClosedLoop) -> str:
     room = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.fits else 'lacking'}"
     where = f"{verdict.side}, s = {verdict.s:.1f} m"
     return f"in a closed loop {kept} of {runs} runs keep the street; run {worst + 1} is the worst, {room} ({where}); {strays}"
+
+
+def loop_json(loop: ClosedLoop) -> dict[str, object]:
+    """Return the answer, begun by its word where there are limits, and the worst run, under the names that other programs read."""
+    text, worst = loop_text(loop), loop.frame.astype(object).where(loop.frame.notna(), None).iloc[loop.worst].to_dict()
+    told = text if loop.fits is None else worded(word_of(loop.fits), text)
+    kept = sum(verdict is not None and verdict.fits is True for verdict in loop.verdicts)
+    return {"text": told, "fits": loop.fits, "runs": len(loop.results), "kept": None if loop.fits is None else kept, "worst": worst}
 
 
 def closed_loop(result: Result, follower: str | Follower = "driver", settings: LoopSettings | None = None) -> ClosedLoop:

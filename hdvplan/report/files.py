@@ -17,7 +17,7 @@ from hdvplan.record import NAME, record_of
 from hdvplan.report.geojson import swept_geojson
 from hdvplan.report.layers import Drawn, drawing_system, drawn_features, map_system
 from hdvplan.report.paper import SheetOptions
-from hdvplan.report.summary import summary_of
+from hdvplan.report.summary import Json, summary_of
 from hdvplan.road.regions import Region
 
 PICTURES = ("png", "pdf", "svg")
@@ -45,6 +45,7 @@ def write_plan(
     sheet: SheetOptions | None = None,
     animate: bool = False,
     on_progress: Callable[[float], None] | None = None,
+    more: Json | None = None,
 ) -> None:
     """Write all files of a plan into ``directory``, which is created if necessary.
 
@@ -52,7 +53,7 @@ def write_plan(
 
     ``pictures`` are the formats of the picture, of ``PICTURES``, ``drawings`` those of layers in the road's coordinate system, of
     ``DRAWINGS``; ``sheet`` adds a drawing to scale, ``animate`` a film of the drive. ``on_progress`` receives the
-    written share, 0 to 1.
+    written share, 0 to 1. ``more`` are entries of ``summary.json`` beside its own.
 
     Raises:
         OptionError: the sheet has no room for the vehicle at this scale, or the folder has files that hdvplan did not write.
@@ -70,7 +71,7 @@ def write_plan(
         contents[SHEET] = partial(_sheet, result, sheet)
     if animate:
         contents[FILM] = partial(_film, result)
-    contents[FILES.last] = lambda: json_bytes(summary_of(result))
+    contents[FILES.last] = lambda: json_bytes(summary_of(result) | (more or {}))
     FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
 
 

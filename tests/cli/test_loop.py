@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -17,7 +18,7 @@ def test_the_command_tells_and_writes_what_runs_did(cli: Cli, short_road: str) -
     assert cli("plan", *ROAD, "--half-width", "3", "--out", "plan").code == 0
     judged = cli("judge", "plan/path.csv", short_road, *ROAD[1:], "--half-width", "3", "--loop", "driver", "--out", "judged")
     assert judged.code == 0
-    assert "in a closed loop 12 of 12 runs keep the street" in judged.err
+    assert judged.out.splitlines()[2].startswith("YES: in a closed loop 12 of 12 runs keep the street")
     assert len(pd.read_csv("judged/loop.csv")) == 12
 
 
@@ -28,10 +29,14 @@ def test_a_street_that_a_path_keeps_and_its_driver_does_not_is_exit_code_1_and_t
     arguments = (short_road, *ROAD[1:], "--half-width", "1.8")
     judged = cli("judge", "plan/path.csv", *arguments, "--loop", "pure-pursuit", "--runs", "2", "--noise", "3", "--out", "judged")
     assert judged.code == 1
-    assert judged.out.startswith("YES")
+    assert [line.partition(":")[0] for line in judged.out.splitlines()[:3:2]] == ["YES", "NO"]
+    looped = json.loads(Path("judged/summary.json").read_text(encoding="utf-8"))["loop"]
+    assert (looped["fits"], looped["runs"], looped["text"]) == (False, 6, judged.out.splitlines()[2])
+    assert json.loads(cli("judge", "plan/path.csv", *arguments, "--loop", "driver", "--runs", "1", "--json").out)["loop"]["runs"] == 3
     assert re.search(r"error: in a closed loop \d of 6 runs keep the street; run \d is the worst, 0\.\d\d m lacking", judged.err)
     worst = cli("judge", "judged/loop_worst.csv", *arguments, "--json", "--out", "worst")
     least = pd.read_csv("judged/loop.csv")["spare_m"].min()
+    assert looped["worst"]["spare_m"] == pytest.approx(least, abs=1e-6)  # rounded in the table
     assert f'"min_clearance_m": {least:.4f}'[:-2] in worst.out
 
 
