@@ -85,7 +85,12 @@ def has_geometry(titles: list[str]) -> bool:
 
 def meaning_of(title: str) -> str | None:
     """Return what a column is called here by any of its spellings, such as ``lon`` for ``Longitude``; None if it is unknown."""
-    return _MEANINGS.get(folded(title))
+    return _MEANINGS.get(_named(title)[0])
+
+
+def metres_of(title: str) -> float:
+    """Return how long the unit is that a column's title says; without any, a metre."""
+    return METRES[_named(title)[1] or "m"]
 
 
 def columns_of(titles: list[str], where: str) -> Columns:

@@ -13,7 +13,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
 from hdvplan.road.checks import LARGEST_M, Unit, refuse_no_street, refuse_unreadable, text_of
-from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, folded, has_geometry, is_header, meaning_of, unread_note
+from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, folded, has_geometry, is_header, meaning_of, metres_of, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import unheeded
 from hdvplan.road.leg_lines import in_legs, signs_in
@@ -80,9 +80,8 @@ def read_columns(
 ) -> dict[str, FloatArray]:
     """Return the ``wanted`` columns of a CSV file, and of ``optional`` ones those that it has; ``what`` the file is, is for the messages.
 
-    Where it has none of the ``wanted`` columns but all of those ``instead``, in any spelling that a road's may have, these are returned.
-
-    It is written as a road's may be. A column may have its unit in its title: ``s``, ``s_m`` and ``S [m]`` are the same.
+    It is written as a road's may be, with its spellings and units in titles: ``x_mm`` and ``Easting [ft]`` are ``x``, in metres here.
+    Where it has none of the ``wanted`` columns but all of those ``instead``, these are returned.
 
     Raises:
         RoadError: no such file of text, a column that is missing or there twice, or what is not a finite number.
@@ -95,15 +94,18 @@ def read_columns(
     name = f"{what} {path.name}"
     layout = f"its header is {','.join(wanted)}"
     table = _table(text_of(path, what), name, layout)
-    titles = [folded(title).removesuffix("_m") for title in table.titles]
-    spelt = [meaning if (meaning := meaning_of(title)) and meaning in instead else folded(title) for title in table.titles]
-    if instead and not set(wanted) & set(titles) and set(instead) <= set(spelt):
-        wanted, titles = instead, spelt
+    known = {*wanted, *instead}
+    titles = [
+        meaning if (meaning := meaning_of(title)) in known and meaning else folded(title).removesuffix("_m") for title in table.titles
+    ]
+    if instead and not set(wanted) & set(titles) and set(instead) <= set(titles):
+        wanted = instead
     for title in (*wanted, *optional):
         if titles.count(title) > 1 or (title in wanted and title not in titles):
             msg = f"{name}: column {title} occurs twice" if title in titles else f"{name} has no column {title!r}"
             raise RoadError(msg, hint=layout)
-    return _numbers(table, {title: titles.index(title) for title in (*wanted, *optional) if title in titles}, name).values
+    at = {title: titles.index(title) for title in (*wanted, *optional) if title in titles}
+    return {title: metres_of(table.titles[at[title]]) * values for title, values in _numbers(table, at, name).values.items()}
 
 
 def has_wkt(text: str) -> bool:

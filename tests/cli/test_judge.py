@@ -57,10 +57,13 @@ def test_a_path_in_degrees_is_judged_as_the_same_in_metres(cli: Cli) -> None:
     assert to_lonlat is not None
     lon, lat = to_lonlat(path["x"].to_numpy(), path["y"].to_numpy())
     path.assign(longitude=lon, Latitude=lat)[["longitude", "Latitude", "heading"]].to_csv("degrees.csv", index=False)
-    for name in ("plan/path.csv", "degrees.csv"):
+    (1e3 * path[["x", "y"]]).set_axis(["Easting [mm]", "Northing [mm]"], axis=1).join(path["heading"]).to_csv(
+        "millimetres.csv", index=False
+    )
+    for name in ("plan/path.csv", "degrees.csv", "millimetres.csv"):
         assert cli("judge", name, *arguments, "--out", Path(name).stem).code in {0, 1}
-    before, after = summary("path"), summary("degrees")
-    assert after["min_clearance_m"] == pytest.approx(before["min_clearance_m"], abs=_ROUNDING_M)
+    for name in ("degrees", "millimetres"):
+        assert summary(name)["min_clearance_m"] == pytest.approx(summary("path")["min_clearance_m"], abs=_ROUNDING_M)
 
 
 def test_a_path_round_a_closed_road_begins_where_the_road_does(cli: Cli) -> None:
