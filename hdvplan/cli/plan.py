@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.answers import NO
 from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, smoothed, vehicles_named, warn_no_side
 from hdvplan.cli.completion import one_of
 from hdvplan.cli.console import note, progress, warn, writing
@@ -128,7 +126,10 @@ def plan(
     check_objective(options.objective)
     driven = vehicles_named(vehicle, quiet=output.quiet)
     if options.beside is not None:
-        _warn_of_other(Path(options.beside), quiet=output.quiet)
+        from hdvplan.road.meeting import broken_notes
+
+        for text in broken_notes(Path(options.beside)):
+            warn(text, quiet=output.quiet)
     if centreline is not None:
         _check_centreline(road, [one.name for one in driven])
     return _plan_one(asked, driven[0]) if len(driven) == 1 else _plan_all(asked, driven)
@@ -138,16 +139,6 @@ def _found(asked: _Asked, vehicle: Vehicle) -> Found:
     from hdvplan.road.load import find_road
 
     return find_road(asked.road, asked.reading.followed_by(vehicle.max_curvature))  # mistakes are told before more is loaded
-
-
-def _warn_of_other(folder: Path, *, quiet: bool) -> None:
-    """Warn where the plan to be passed by does not keep its own limits."""
-    from hdvplan.fileio import read_json
-
-    with suppress(OSError, ValueError, LookupError, TypeError):  # of a folder that is none, and of older files
-        verdict = read_json(folder / "summary.json")["verdict"]
-        if verdict["word"] == NO:
-            warn(f"the plan in {folder} does not keep its own limits: {verdict['text']}", quiet=quiet)
 
 
 def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:

@@ -15,6 +15,7 @@ from hdvplan.judging.bodies import contact, part_named
 from hdvplan.judging.clearance import Touches
 from hdvplan.judging.result import Proof, Result, body_name
 from hdvplan.road.regions import OPEN_M, called
+from hdvplan.road.road import Road
 
 _NO_MORE_M = 0.005  # to spare: 0.00 m in a sentence
 _CENTI, _TENTHS = 100.0, 10.0  # of a metre and of a degree, to which what a driver may err is rounded down
@@ -200,7 +201,7 @@ def tracking_line(result: Result) -> str:
 def verdict_title(result: Result, verdict: Verdict) -> str:
     """Return the verdict as a short title: vehicle, word, amount and place."""
     place = "" if verdict.fits is None or verdict.strays is not None else f" at s = {verdict.s:.0f} m"
-    return f"{result.drive.vehicle.name} on {result.drive.road.name}: {short_verdict(verdict)}{place}"
+    return f"{result.drive.vehicle.name} on {result.drive.road.name}: {short_verdict(verdict)}{place}{_meeting(result.drive.road)}"
 
 
 def short_verdict(verdict: Verdict) -> str:
@@ -215,9 +216,15 @@ def proof_text(proof: Proof, case: Case) -> str:
     """Return what a proof about a case says, without a capital or a full stop."""
     clearance = case.settings.clearance
     kept = "keeps the limits" if clearance == 0.0 else f"stays {clearance:.2f} m off the limits"
+    kept += _meeting(case.road)
     if proof.kind == "place":
         return f"at s = {proof.s_to:.1f} m there is no place for the {body_name(case.vehicle, proof.unit)} that {kept}"
     return f"between s = {proof.s_from:.1f} and {proof.s_to:.1f} m nothing that this vehicle can drive {kept}"
+
+
+def _meeting(road: Road) -> str:
+    """Return beside which plan the answer holds; "" where the vehicle meets none."""
+    return next((f" beside the plan in {region.plan}" for region in road.regions if region.plan), "")
 
 
 def _known(result: Result, verdict: Verdict) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import shapely
 from shapely.geometry import shape
 
+from hdvplan.answers import NO
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json
 from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat
@@ -19,18 +21,19 @@ _AREA = "swept area"  # a kind of feature there
 
 
 def beside_swept(road: Road, folder: Path) -> Road:
-    """Return a road on which everything that the plan in ``folder`` swept is an obstacle.
+    """Return a road on which everything that the plan in ``folder`` swept is an obstacle, with a note if that plan breaks its limits.
 
     Raises:
         OptionError: the folder holds no swept areas, or they lie in another frame than the road, or not beside it.
 
     """
+    name = folder.resolve().name
     try:
         features = read_json(folder / _SWEPT)["features"]
         swept = [feature for feature in features if feature["properties"].get("kind") == _AREA]
         area = shapely.union_all([shape(feature["geometry"]) for feature in swept])
         named = swept[0]["properties"]
-        label, on_earth = f"{named['vehicle']} on {named['road']}", "note" not in named
+        label, on_earth = f"{named['vehicle']}, plan {name}", "note" not in named
     except (OSError, ValueError, LookupError, TypeError, AttributeError, shapely.errors.ShapelyError) as error:
         msg = f"{folder} has no {_SWEPT} with the area that a plan swept"
         raise OptionError(
@@ -41,9 +44,18 @@ def beside_swept(road: Road, folder: Path) -> Road:
         msg = f"what {label} swept is in {'degrees' if on_earth else 'metres'}, and {road.name} is not"
         raise OptionError(msg, hint="plan both from the same road file")
     area = area if into is None else shapely.transform(area, into)
-    regions = tuple(Region(Kind.OBSTACLE, polygon, label) for polygon in shapely.get_parts(area))
+    regions = tuple(Region(Kind.OBSTACLE, polygon, label, plan=name) for polygon in shapely.get_parts(area))
     beside = tuple(region for region, apart in zip(regions, distances(road.path, regions), strict=True) if apart <= OPEN_M)
     if not beside:
         msg = f"what {label} swept lies more than {OPEN_M:.0f} m from {road.name}"
         raise OptionError(msg, hint="plan both from the same road file")
-    return replace(road, regions=(*road.regions, *beside), faces=None)
+    return replace(road, regions=(*road.regions, *beside), faces=None, notes=(*road.notes, *broken_notes(folder)))
+
+
+def broken_notes(folder: Path) -> tuple[str, ...]:
+    """Return a note where the plan in ``folder`` does not keep its own limits."""
+    with suppress(OSError, ValueError, LookupError, TypeError):  # of a folder that is none, and of older files
+        verdict = read_json(folder / "summary.json")["verdict"]
+        if verdict["word"] == NO:
+            return (f"the plan in {folder} does not keep its own limits: {verdict['text']}",)
+    return ()

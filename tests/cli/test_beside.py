@@ -33,15 +33,18 @@ def test_two_vehicles_meet_where_the_street_is_wide_enough(cli: Cli, tmp_path: P
     assert shapely.distance(first, second) > 0.0  # in one plane, whichever way the line was driven
     told = json.loads((tmp_path / "back" / "summary.json").read_text(encoding="utf-8"))
     (met,) = told["obstacles"]
-    assert met["name"] == "bus on short"
+    assert met["name"] == "bus, plan there"
     assert met["distance_m"] == pytest.approx(shapely.distance(first, second), abs=0.02)  # files round to 1 mm, outlines have chords
-    assert [(one["name"], one["side"]) for one in told["passed"]] == [("bus on short", "right")]
+    assert [(one["name"], one["side"]) for one in told["passed"]] == [("bus, plan there", "right")]
 
 
 def test_where_they_cannot_meet_the_place_is_told(cli: Cli, short_road: str) -> None:
     code, line = _meeting(cli, short_road, 3.05)
     assert code == 1
     assert line.startswith("NO: ")
+    own = (short_road, "--vehicle", "bus", "--offset", "-1.75", "--left", "4", "--right", "0.1", "--no-plot")
+    again = cli("plan", *own, "--reverse", "--beside", "there", "--no-refine", "--out", "proved")
+    assert again.out.splitlines()[1].endswith("that keeps the limits beside the plan in there")
 
 
 def test_a_vehicle_that_does_not_keep_its_own_street_is_no_silent_company(cli: Cli, short_road: str) -> None:
@@ -49,6 +52,7 @@ def test_a_vehicle_that_does_not_keep_its_own_street_is_no_silent_company(cli: C
     assert cli(*own, "--half-width", "1.3", "--offset", "4", "--out", "there").code == 1
     back = cli(*own, "--reverse", "--half-width", "6", "--beside", "there", "--out", "back")
     assert "warning: the plan in there does not keep its own limits: NO: " in back.err
+    assert json.loads(Path("back/summary.json").read_text(encoding="utf-8"))["notes"][-1].startswith("the plan in there does not keep")
 
 
 def test_what_is_no_plan_or_lies_elsewhere_is_refused(cli: Cli, tmp_path: Path, short_road: str) -> None:
