@@ -263,6 +263,11 @@ def test_a_dock_s_apron_is_its_straight_and_the_circle_of_the_front_corner() -> 
     assert f"{formula:.2f} m by formula" in details(dock)
 
 
+def test_a_hint_names_options_of_the_template_alone() -> None:
+    assert Template.HAMMERHEAD.others == ("--width", "--kerb-radius", "--overhang")
+    assert Template.DOCK_90.others == ("--door-spacing",)
+
+
 def test_a_long_name_does_not_make_a_long_verdict() -> None:
     found = reversing(replace(refuse(), name="refuse vehicle " * 8), Template.THREE_POINT, SiteOptions(width=19.0), starts=1)
     assert len(verdict(found)) <= 100

@@ -276,7 +276,7 @@ def _judged(site: Site, vehicle: Vehicle, legs: tuple[DrivenLeg, ...]) -> Manoeu
     if manoeuvre.lacking > 0.0:
         name, short = site.blocks[int(np.argmin(manoeuvre.room().min(axis=0)))].name, f"{manoeuvre.lacking:.2f} m are lacking"
         msg = f"no way was found for the {vehicle.name} past the {name}, whatever the {site.template.words}: {short}"
-        raise TurnError(msg, hint="give a larger --width, --kerb-radius, --overhang or --door-spacing, or less --clearance")
+        raise TurnError(msg, hint=f"give a larger {' or '.join(site.template.others)}, or less --clearance")
     return manoeuvre
 
 

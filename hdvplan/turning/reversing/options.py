@@ -32,6 +32,11 @@ class Template(StrEnum):
         return _ABOUT[self].sought
 
     @property
+    def others(self) -> tuple[str, ...]:
+        """The options that say how large the rest of the site is."""
+        return tuple(_option(name) for name in _ABOUT[self].heeded if name not in (self.sought, "clearance"))
+
+    @property
     def words(self) -> str:
         """What the size is called."""
         return _ABOUT[self].words
