@@ -45,7 +45,7 @@ _LETTER_M, _LETTER_PT = 7.0, 25.0  # from the edge that it is written beside: ro
 _BEYOND_M = 40.0  # the road goes on beyond an enlarged stretch, as far as the map shows
 _TALL = 1.25  # height over width from which a road's overview stands beside its enlargements
 _AROUND_M = 20.0  # of a place that is shown
-_TITLE = 150  # characters in a line
+_TITLE, _HALF, _NARROW = 150, 42, 24  # characters in a line: of the head, and of what enlargements are called
 _MOST = 4  # places shown, the largest first
 
 
@@ -54,7 +54,8 @@ def draw_atlas(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -
     path, features = result.drive.road.path, drawn_features(result)
     whole = Window(0.0, path.length)
     across, up = (float(np.ptp(side)) for side in path.to_plane(stations(whole), 0.0))
-    if up > _TALL * across:
+    tall = up > _TALL * across
+    if tall:
         rows = len(windows) if len(windows) <= _ABREAST else -(-len(windows) // _ABREAST)
         grid = figure.add_gridspec(1, 2, width_ratios=[1.0, 1.1 if len(windows) <= _ABREAST else 1.6])
         cells = grid[1].subgridspec(rows, -(-len(windows) // rows))
@@ -81,7 +82,8 @@ def draw_atlas(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -
     for number, window in enumerate(windows):
         axes = figure.add_subplot(cells[divmod(number, cells.ncols)])
         _draw_enlarged(axes, result, features, window, extent, tubes[number] if tubes else None)
-        axes.set_title(window.title, fontsize="medium", loc="left", fontweight="bold")
+        title = fill(window.title.replace("s = ", "s\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}"), _NARROW if tall and cells.ncols > 1 else _HALF)
+        axes.set_title(title, fontsize="medium", loc="left", fontweight="bold")
         named |= _named(axes)
     figure.legend(list(named.values()), list(named), loc="outside upper left", ncols=4)
 

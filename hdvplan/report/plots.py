@@ -85,6 +85,8 @@ def _draw_long_profiles(figure: SubFigure, result: Result, windows: tuple[Window
             if first is None and row > 0:  # the whole road's envelope has the first row's legend
                 _legend_above(axes, columns=5).set_in_layout(False)  # it is wider than one column
             first = first or axes
+        if row == len(draw) - 1 and first is not None:
+            first.set_xlabel("s [m]")  # which also keeps the numbers off the line below
 
 
 def _whole(result: Result) -> Window:

@@ -11,12 +11,17 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ig
 
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
+from hdvplan.report.atlas import draw_atlas
 from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.compared import compared_figure
 from hdvplan.report.layers import Drawn, Layer
 from hdvplan.report.maps import draw_features
 from hdvplan.report.plots import plan_figure
-from tests.report.conftest import once
+from hdvplan.report.rooms import Window
+from hdvplan.report.style import SLIDE_IN
+from hdvplan.road.path import from_curvature
+from hdvplan.road.road import Road
+from tests.report.conftest import driven, once
 
 drawn = once(plan_figure)
 
@@ -55,6 +60,20 @@ def test_a_long_road_is_an_overview_with_its_tightest_places_enlarged(long: Resu
     figure = drawn(long)
     assert len(maps(figure)) == 3
     assert [axes.get_title(loc="left")[:8] for axes in maps(figure)[1:]] == ["A: reach", "B: reach"]
+
+
+def test_enlargements_beside_a_tall_road_have_titles_no_wider_than_they_are() -> None:
+    bend = from_curvature(np.array([0.0, 0.1, 31.0, 31.1, 150.0]), np.array([0.0, 0.05, 0.05, 0.0, 0.0]))
+    windows = tuple(
+        Window(s, s + 20.0, label, f"clearance 0.61 m at s = 214{label} m") for s, label in zip((0, 40, 80, 120), "ABCD", strict=True)
+    )
+    figure = Figure(figsize=SLIDE_IN, layout="constrained")
+    draw_atlas(figure.subfigures(1, 2, width_ratios=[1.35, 1.0], squeeze=False)[0, 0], driven(Road("tall", bend), "bus"), windows)
+    figure.draw_without_rendering()
+    enlarged = [axes for axes in maps(figure) if axes.get_title(loc="left")]
+    assert len(enlarged) == 4
+    for axes in enlarged:
+        assert axes._left_title.get_window_extent().width < axes.get_window_extent().width  # type: ignore[attr-defined] # Matplotlib's own
 
 
 def test_enlargements_are_all_to_one_scale_and_have_a_bar_that_says_it(long: Result, kerbed: Result) -> None:
