@@ -161,6 +161,9 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
     if choice.feature is None:
         msg = f"{name}: {len(matching)} lines, and none is chosen: {listed}"
         several = len({line.feature.layer for line in matching}) > 1
+        if several and all(line.feature.drawn for line in matching):
+            msg = f"{name}: {len(matching)} lines, and none is chosen; they are in layers {_layers_among(one.feature for one in matching)}"
+            raise RoadError(msg, hint="choose the road's with --layer, and say with --role LAYER=edge what kerbs are")
         raise RoadError(msg, hint="choose one with --name or --id" + (" or --layer" if several else ""))
     if matching:
         msg = f"{name}: {len(matching)} lines are called {choice.feature!r}"

@@ -206,6 +206,13 @@ def test_a_closed_line_of_a_drawing_is_an_area(tmp_path: Path) -> None:
     assert region.label == "HINDER"  # not the number that the drawing program gives it
 
 
+def test_a_drawing_of_several_lines_lists_its_layers_and_the_options_that_choose_among_them(tmp_path: Path) -> None:
+    drawing = write(tmp_path / "a.dxf", [GRID_LINE, GRID_LINE], crs=None, Layer=["ONE", "TWO"])
+    with pytest.raises(RoadError, match="2 lines, and none is chosen; they are in layers 'ONE', 'TWO'") as caught:
+        load_road(drawing)
+    assert "--role LAYER=edge" in (caught.value.hint or "")
+
+
 def test_the_pieces_of_a_drawing_s_layer_are_one_line_whichever_way_they_run(tmp_path: Path) -> None:
     pieces = [shapely.LineString(METRES[rows]) for rows in (slice(0, 3), slice(4, 1, -1), slice(4, None))]
     drawing = write(tmp_path / "a.dxf", pieces, crs=None, Layer=["AXIS"] * 3)
