@@ -17,8 +17,8 @@ HDV_INLINE void judge_bound(double v, double low, double high, double multiplier
     to->gap += fabs(larger(multiplier, 0.0) * over) + fabs(larger(-multiplier, 0.0) * under);
 }
 
-/* Row g'x - sigma <= h with sigma >= 0, whose multiplier is linear + quadratic sigma - multiplier. Most rows never bind,
- * and nothing holds them: they break nothing. */
+/* Row g'x - sigma <= h with sigma >= 0, whose multiplier is linear + quadratic sigma - multiplier. Most rows never
+ * bind, and nothing holds them: they break nothing. */
 HDV_INLINE void
 judge_row(const double *x, struct row own, const double *of_row, int live, int64_t n, struct judged *to) {
     double sigma = of_row[0], multiplier = of_row[1], value = -*own.h - sigma;
