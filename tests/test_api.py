@@ -43,8 +43,9 @@ def test_a_plan_takes_the_command_line_s_names_and_tells_how_far_it_is() -> None
     assert (result.objective, result.solver) == ("lead-axle", "piqp")
     assert result.case == case
     assert shares[-1] == 1.0
-    with pytest.raises(hdvplan.HdvplanError, match="unknown solver"):
-        hdvplan.plan(replace(case, solver="none"))
+    for wrong, words in ((replace(case, solver="none"), "unknown solver"), (replace(case, objective="none"), "unknown objective")):
+        with pytest.raises(hdvplan.HdvplanError, match=words):
+            hdvplan.plan(wrong)
 
 
 UNIT = hdvplan.Unit(wheelbase=6.0, front_overhang=2.7, rear_overhang=3.3, width=2.55)
