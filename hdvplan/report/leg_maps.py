@@ -18,7 +18,7 @@ from hdvplan.judging.result import Result
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK
 from hdvplan.report.kerbs import shown_kerbs
 from hdvplan.report.maps import SLIDE, UNTURNED, Turn, draw_bodies, outline_of, point
-from hdvplan.report.style import ON_WHITE
+from hdvplan.report.style import BRIDGED, ON_WHITE
 from hdvplan.road.legs import direction_of
 from hdvplan.road.regions import Kind
 
@@ -93,7 +93,7 @@ def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned
     named = set[str]()
     for result, leg in zip(driven.results, driven.legs.legs, strict=True):
         for kerb in shown_kerbs(result) if leg.road.limits is not None else ():
-            dashes = (0, (4, 3)) if kerb.bridged else "-"
+            dashes = BRIDGED if kerb.bridged else "-"
             axes.plot(*turned(np.asarray(kerb.line.coords)).T, color=INK, linewidth=0.7 * weight, linestyle=dashes, zorder=1.6)
         line = turned(line_of(result))[:: -1 if leg.backward else 1]
         draw_line(axes, line, backward=leg.backward, named=leg.direction not in named, weight=weight)

@@ -23,7 +23,7 @@ from hdvplan.report.colours import BAND, BREACH, INK, MUTED, body_colour
 from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.layers import Drawn, Layer, outline_places
 from hdvplan.report.rooms import Room, Window, outwards_at, shown_reach
-from hdvplan.report.style import ON_WHITE, body_dark, body_fill
+from hdvplan.report.style import BRIDGED, ON_WHITE, body_dark, body_fill
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import polygons_of
 
@@ -87,7 +87,7 @@ def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, 
             label = f"path of the {str(feature.properties['point']).replace('-', ' ')}"
         elif feature.layer is Layer.LIMITS and feature.properties["bridged"]:
             label = "not drawn, bridged"
-            look["linestyle"] = (0, (4, 3))
+            look["linestyle"] = BRIDGED
         elif feature.layer is Layer.LIMITS and feature.properties["binds"] == "overhangs":
             label = "limits of overhangs"
             look["linestyle"] = (0, (1, 1.5))

@@ -95,9 +95,7 @@ def read_columns(
     layout = f"its header is {','.join(wanted)}"
     table = _table(text_of(path, what), name, layout)
     known = {*wanted, *instead}
-    titles = [
-        meaning if (meaning := meaning_of(title)) in known and meaning else folded(title).removesuffix("_m") for title in table.titles
-    ]
+    titles = [own if (own := meaning_of(title) or "") in known else folded(title).removesuffix("_m") for title in table.titles]
     if instead and not set(wanted) & set(titles) and set(instead) <= set(titles):
         wanted = instead
     for title in (*wanted, *optional):

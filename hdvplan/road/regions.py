@@ -45,9 +45,7 @@ class Region:
     polygon: shapely.Polygon
     label: str = field(default="", metadata={"decides": False})
     side: Side | None = None
-    plan: str = field(
-        default="", metadata={"decides": False}
-    )  #: the name of the folder of the plan that swept it; "" of what a road file has
+    plan: str = field(default="", metadata={"decides": False})  #: the folder of the plan that swept it; "" of what a road file has
 
 
 def called(label: str) -> str:

@@ -287,10 +287,8 @@ def load_hpipm() -> ctypes.CDLL:
     folder = next((folder for folder in folders if (folder / name).is_file()), None)
     if folder is None:
         msg = f"neither the wheel comma-deps-acados nor CasADi's brings {name}"
-        raise SolverError(
-            msg,
-            hint="pip install comma-deps-acados, for a processor with AVX2, in an environment without CasADi: both bring a module casadi",
-        )
+        without = "in an environment without CasADi: both bring a module casadi"
+        raise SolverError(msg, hint=f"pip install comma-deps-acados, for a processor with AVX2, {without}")
     needed = folder / name.replace("hpipm", "blasfeo")
     if needed.is_file():
         ctypes.CDLL(str(needed))  # which the other then finds, wherever the wheel lies

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from numbers import Real
 
@@ -30,10 +30,6 @@ MAX_RATIO = 2.0  # of steering: an axle that follows its coupling's track exactl
 MAX_ANGLE = 0.25 * np.pi  # of an axle's wheels [rad]; catches degrees
 MOST_UNITS = core.number("HDV_MOST_UNITS")  # road trains on roads have up to nine; what planning takes grows with the cube of their number
 MAX_RATE = 1.0  # of an active axle's wheels [rad/m]; catches degrees
-
-_NUMBERS = (
-    "wheelbase", "front_overhang", "rear_overhang", "width", "hitch_offset", "steering_ratio", "max_steering_angle", "max_steering_rate"
-)  # fmt: skip
 
 UNIT = core.record("hdv_unit")  # hdvplan/core/hdvplan.h has the fields
 
@@ -59,14 +55,15 @@ class Unit:
 
     def __post_init__(self) -> None:
         """Refuse impossible dimensions by name."""
-        for name in _NUMBERS:
-            of_kind(name, getattr(self, name), Real, error=VehicleError)
+        for one in fields(self):
+            if one.name != "name":
+                of_kind(one.name, getattr(self, one.name), Real, error=VehicleError)
         drawbar = max(self.wheelbase, 0.0)  # behind which the body of a trailer may begin
-        self._hold("wheelbase", 0.5)
-        self._hold("front_overhang", -drawbar)
-        self._hold("rear_overhang", 0.0)
-        self._hold("width", 0.5, 5.0)
-        self._hold("hitch_offset", -self.wheelbase)
+        _hold(self, "wheelbase", 0.5)
+        _hold(self, "front_overhang", -drawbar)
+        _hold(self, "rear_overhang", 0.0)
+        _hold(self, "width", 0.5, 5.0)
+        _hold(self, "hitch_offset", -self.wheelbase)
         if not (np.isfinite(self.steering_ratio) and 0.0 <= self.steering_ratio <= MAX_RATIO):
             msg = f"steering_ratio = {self.steering_ratio:g} must lie between 0 and {MAX_RATIO:g}"
             raise VehicleError(msg, field="steering_ratio", hint="a positive ratio turns the wheels out of the bend")
@@ -80,12 +77,6 @@ class Unit:
         if self.active and not self.steering_ratio > 0.0:
             msg = "an active axle needs a steering_ratio above 0, to aim at on constant curves"
             raise VehicleError(msg, field="steering_ratio")
-
-    def _hold(self, name: str, low: float, high: float = MAX_DIMENSION_M) -> None:
-        value = getattr(self, name)
-        if not (np.isfinite(value) and low <= value <= high):
-            msg = f"{name} = {value:g} m must lie between {low:g} and {high:g} m"
-            raise VehicleError(msg, field=name, hint="dimensions are in metres")
 
     @property
     def front(self) -> float:
@@ -101,6 +92,14 @@ class Unit:
     def active(self) -> bool:
         """Whether the plan steers the axle, not the law."""
         return self.max_steering_rate > 0.0
+
+
+def _hold(unit: Unit, name: str, low: float, high: float = MAX_DIMENSION_M) -> None:
+    """Refuse a dimension that lies outside its bounds [m]."""
+    value = getattr(unit, name)
+    if not (np.isfinite(value) and low <= value <= high):
+        msg = f"{name} = {value:g} m must lie between {low:g} and {high:g} m"
+        raise VehicleError(msg, field=name, hint="dimensions are in metres")
 
 
 @contextmanager
@@ -153,9 +152,8 @@ class Vehicle:
                 msg = f"vehicle {self.name!r}: {name} = {value:g} {unit} must lie above 0 and be at most 1"
                 raise VehicleError(msg, field=name)
         lead = f"vehicle {self.name!r}, unit 1"
-        if self.lead.front_overhang < 0.0:
-            msg = f"{lead}: front_overhang = {self.lead.front_overhang:g} m must lie between 0 and {MAX_DIMENSION_M:g} m"
-            raise VehicleError(msg, field="front_overhang", hint="dimensions are in metres")
+        with refused_in(lead):
+            _hold(self.lead, "front_overhang", 0.0)
         if self.lead.active:
             msg = f"{lead}: max_steering_rate = {self.lead.max_steering_rate:g} rad/m, but only a trailer's axle can be steered actively"
             raise VehicleError(msg, field="max_steering_rate", hint="the rear axle of unit 1 takes a steering_ratio alone")

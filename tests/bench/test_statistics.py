@@ -136,8 +136,8 @@ def test_what_could_not_be_seen_is_not_called_fine(pairs: int) -> None:
 
 def test_what_was_found_was_seen() -> None:
     noisy = compare(side(0), side(1), Rule(), Tolerance(), expect_changes=False)
-    assert all(replace(one.decision, detectable=10.0).unseen for one in noisy.found)
-    assert not any(replace(one.decision, verdict=GateVerdict.REGRESSED, detectable=10.0).unseen for one in noisy.found)
+    assert all(replace(one.decision, shown=10.0).unseen for one in noisy.found)
+    assert not any(replace(one.decision, verdict=GateVerdict.REGRESSED, shown=10.0).unseen for one in noisy.found)
 
 
 def test_few_pairs_leave_a_doubt_that_a_repeat_settles() -> None:

@@ -282,7 +282,7 @@ def _share(processes: Processes, about: Abouts, name: Name) -> float:
         for cells, one in zip(processes, about, strict=False)
     ]
     spent = _mean([one[CPU] for one in about])
-    return min(1.0, lasted[name] / spent) if spent - min(beside) >= _BUSY * sum(lasted.values()) else np.nan
+    return min(1.0, lasted[name] / spent) if spent - float(np.min(beside)) >= _BUSY * sum(lasted.values()) else np.nan
 
 
 def _mean(values: Sequence[float]) -> float:

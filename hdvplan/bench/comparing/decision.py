@@ -97,9 +97,13 @@ class Decision:
     high: float = np.nan
     counting: float = np.inf  # the ratio from which on a change counts
     chance: float = 1.0  # of an agreement as large as this in any of the quantities, where the sides are the same
-    detectable: float = np.inf  # the ratio that would be believed 9 times out of 10, of few pairs with a repeat; infinite where none would
+    shown: float = np.inf  # the ratio that would be believed 9 times out of 10, of few pairs with a repeat; infinite where none would
     needed: bool = True
-    shown: float = np.inf  # as ``detectable``, whether so small a change counts or not
+
+    @property
+    def detectable(self) -> float:
+        """The ratio that would be believed so, and that counts."""
+        return max(self.shown, self.counting)
 
     @property
     def noise(self) -> float:
@@ -146,7 +150,7 @@ def decide(quantities: Sequence[Pairs]) -> list[Decision]:
     return [_decided(one, *found.get(id(one), (0.0, np.inf))) for one in quantities]
 
 
-def _decided(one: Pairs, chance: float, detectable: float) -> Decision:
+def _decided(one: Pairs, chance: float, shown: float) -> Decision:
     """Decide about one quantity, whose pairs agree by ``chance``."""
     pairs = len(one.base)
     if not (are_times(one.base) and are_times(one.new)):
@@ -165,7 +169,7 @@ def _decided(one: Pairs, chance: float, detectable: float) -> Decision:
         verdict = GateVerdict.REGRESSED if one.independent and agree and low > 1.0 else GateVerdict.UNMEASURABLE
     elif one.needed and high > counting:
         verdict = GateVerdict.UNMEASURABLE
-    return Decision(verdict, pairs, base, new, ratio, low, high, counting, chance, max(detectable, counting), one.needed, detectable)
+    return Decision(verdict, pairs, base, new, ratio, low, high, counting, chance, shown, one.needed)
 
 
 def level_of(pairs: int) -> float:

@@ -178,12 +178,13 @@ def _build_core(program: Program, scratch: Scratch, on_step: Callable[[str], Non
         return
     on_step(f"compiling the core of {program.name}")
     ended = run([python, "-P", _BUILD], variables, scratch, program.source)
+    if ended.code == 0:
+        return
     if missing := re.search(r"No module named '(\w+)", ended.words):
         msg = f"the core of {program.name} cannot be compiled: {missing[1]} is not installed"
         raise OptionError(msg, hint=f"pip install {missing[1]}, for {python}")
-    if ended.code != 0:
-        msg = f"the core of {program.name} cannot be compiled: {ended.words}"
-        raise ProgramError(msg, tail=ended.tail, code=ended.code, hint=f"run `python {_BUILD}` there: it needs hatchling and a C compiler")
+    msg = f"the core of {program.name} cannot be compiled: {ended.words}"
+    raise ProgramError(msg, tail=ended.tail, code=ended.code, hint=f"run `python {_BUILD}` there: it needs hatchling and a C compiler")
 
 
 def cache_folder(scratch: Scratch) -> Path:
