@@ -11,6 +11,7 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 #include "kinematics.h"
 #include "numbers.h"
@@ -84,40 +85,58 @@ static int is_clear(const struct hdv_edge *edge, double margin, int64_t binding)
     return edge->clear - margin > HDV_CLEAR_M && !(binding && edge->looked > 0.0);
 }
 
+/* What was seen of a stage: its state, the curvature until it, and how far every body is clear of all that its rows
+ * would keep it from, where it has none [m]; 0 where it has some. */
+static double *seen_at(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
+    return own->seen + (scene->at + i) * (scene->states + 2);
+}
+
+/* See a stage as its motion is now. */
+static void see(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, double clear) {
+    int64_t n = scene->states;
+    double *seen = seen_at(own, scene, i);
+    memcpy(seen, state_at(scene->motion, n, i), (size_t)n * sizeof(double));
+    seen[n] = state_at(scene->motion, n, i - 1)[n];
+    seen[n + 1] = clear;
+}
+
 /* Write what is known of a stage that nothing has been seen of: clearances by a bound from the state. Where the vehicle
  * has not moved since the stage before, the rows of that one are enough; some stations have no limits. */
 static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
-    int64_t units = scene->unit_count, at = (scene->at + i) * units, n = scene->states;
-    const double *z = state_at(scene->motion, n, i);
+    int64_t units = scene->unit_count, at = (scene->at + i) * units;
     const struct hdv_station *road = &scene->road[i];
     int free = stands(road - 1) || road->room_left == INFINITY;
-    double clear = free ? FAR_M : clear_by_state(scene->units, units, road, z);
-    double *seen = own->seen + (scene->at + i) * (n + 1);
+    double clear = free ? FAR_M : clear_by_state(scene->units, units, road, state_at(scene->motion, scene->states, i));
     for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++)
         own->edges[edge] = (struct hdv_edge){clear, clear, 0.0, 0.0, INFINITY};
-    for (int64_t j = 0; j < n; j++)
-        seen[j] = z[j];
-    seen[n] = state_at(scene->motion, n, i - 1)[n];
+    see(own, scene, i, 0.0);
 }
 
-/* Bring the rows of a stage to its motion: they are straight as far as it has moved. */
-static void follow(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
+/* Write by how much a stage's state, and the curvature until it, differ from what was seen; return how far any point
+ * has moved at most [m]. */
+static double moved_by(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, double *by) {
+    int64_t n = scene->states, units = scene->unit_count;
+    const double *z = state_at(scene->motion, n, i), *seen = seen_at(own, scene, i);
+    for (int64_t j = 0; j < n; j++)
+        by[j] = z[j] - seen[j];
+    by[n] = state_at(scene->motion, n, i - 1)[n] - seen[n];
+    double turned = scene->step * fabs(by[n]); /* wheels turn poses before the stage */
+    for (int64_t j = 1; j < n; j++)
+        turned += fabs(by[j]) * (j < 1 + units ? 1.0 : scene->step);
+    return fabs(by[0]) + own->reach * turned;
+}
+
+/* Bring the rows of a stage to its motion: they are straight as far as it has moved. Return whether it has none, and
+ * needs none. */
+static int follow(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     const struct hdv_program *program = &scene->program;
     int64_t n = scene->states, units = scene->unit_count;
-    const double *z = state_at(scene->motion, n, i);
-    double *seen = own->seen + (scene->at + i) * (n + 1), by[HDV_MOST_STATES + 1];
-    for (int64_t j = 0; j <= n; j++) {
-        double now = j < n ? z[j] : state_at(scene->motion, n, i - 1)[n];
-        by[j] = now - seen[j];
-        seen[j] = now;
-    }
-    double moved = fabs(by[0]) + own->reach * scene->step * fabs(by[n]);
-    for (int64_t j = 1; j < n; j++) {
-        moved +=
-            own->reach * fabs(by[j]) * (j < 1 + units ? 1.0 : scene->step); /* wheels turn poses before the stage */
-    }
+    double by[HDV_MOST_STATES + 1], moved = moved_by(own, scene, i, by);
+    if (!scene->binding && seen_at(own, scene, i)[n + 1] - moved > HDV_CLEAR_M)
+        return 1;
+    see(own, scene, i, 0.0);
     if (moved == 0.0)
-        return;
+        return 0;
     struct hdv_edge *edges = own->edges + 2 * (scene->at + i) * units;
     int64_t each = own->rows / (2 * units);
     for (int64_t edge = 0; edge < 2 * units; edge++) {
@@ -131,6 +150,7 @@ static void follow(const struct hdv_limits *own, const struct hdv_scene *scene, 
                 *row.h -= row.g[j] * by[j];
         }
     }
+    return 0;
 }
 
 /* The road's curvature half-way to a place so far before the stage. */
@@ -358,8 +378,9 @@ static int is_stale(const struct hdv_edge *edge, double clearance, int fine) {
            edge->moved > larger(DRIFT_M, DRIFT * fabs(edge->gap - clearance));
 }
 
-/* Bring what is known of both sides of one body up to date, and write their rows. */
-static void write_unit(struct stage_scene *at, int64_t unit, double *live) {
+/* Bring what is known of both sides of one body up to date, and write their rows; return how far it is clear [m], or 0
+ * where it has rows. */
+static double write_unit(struct stage_scene *at, int64_t unit) {
     const struct hdv_limits *own = at->own;
     const struct hdv_scene *scene = at->scene;
     struct hdv_edge *edges = own->edges + 2 * ((scene->at + at->stage) * scene->unit_count + unit);
@@ -378,16 +399,16 @@ static void write_unit(struct stage_scene *at, int64_t unit, double *live) {
         for (int side = 0; side < 2; side++)
             write_side(at, unit, &found, side, row + side * each, &edges[side]);
     }
+    double least = INFINITY;
     for (int side = 0; side < 2; side++) {
-        if (!is_clear(&edges[side], margin, binding)) {
-            *live = 1.0;
-        } else if (edges[side].never == 0.0) {
-            never_bind(
-                &scene->program, at->stage, row + side * each, row + (side + 1) * each, edges[side].clear - margin
-            );
+        double clear = is_clear(&edges[side], margin, binding) ? edges[side].clear - margin : 0.0;
+        least = smaller(least, clear);
+        if (clear > 0.0 && edges[side].never == 0.0) {
+            never_bind(&scene->program, at->stage, row + side * each, row + (side + 1) * each, clear);
             edges[side].never = 1.0;
         }
     }
+    return least;
 }
 
 /* The gap of one side of a body: as its rows say, which follow the motion; where it has none, what is known at least.
@@ -404,30 +425,38 @@ static double gap_of(const struct hdv_limits *own, const struct hdv_scene *scene
     return least + scene->road[i].margin + own->clearance;
 }
 
+/* Write the rows of a stage that may need some. */
+static void write_stage(struct stage_scene *at, int64_t i) {
+    const struct hdv_scene *scene = at->scene;
+    double clear = INFINITY;
+    at->stage = i;
+    for (int number = 0; number < HDV_BETWEEN; number++)
+        at->before[number].known = 0;
+    for (int64_t unit = 0; unit < scene->unit_count; unit++)
+        clear = smaller(clear, write_unit(at, unit));
+    seen_at(at->own, scene, i)[scene->states + 1] = clear;
+    if (!(clear > 0.0))
+        *program_stage(&scene->program, i).live = 1.0;
+}
+
 /* Write the rows g dx <= h of the tightest contacts of every body at stages i >= begin >= 1; the first state is given.
  */
 int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     struct hdv_limits *own = data;
-    struct hdv_shape shape = scene->program.shape;
-    int64_t edges = 2 * scene->unit_count;
+    int64_t last = scene->program.shape.stages;
     struct stage_scene at; /* its 0.1 MB are not set to zero first: that took longer than some plans' limits */
     at.own = own;
     at.scene = scene;
-    for (int64_t i = begin; i <= shape.stages; i++) {
+    for (int64_t i = begin; i <= last; i++) {
         if (fresh)
             begin_stage(own, scene, i);
-        else
-            follow(own, scene, i);
-        double *live = program_stage(&scene->program, i).live;
-        at.stage = i;
-        for (int number = 0; number < HDV_BETWEEN; number++)
-            at.before[number].known = 0;
-        for (int64_t unit = 0; unit < scene->unit_count; unit++)
-            write_unit(&at, unit, live);
+        if (fresh || !follow(own, scene, i))
+            write_stage(&at, i);
     }
     own->violation = 0.0;
-    for (int64_t i = 1; i <= shape.stages; i++)
-        for (int64_t edge = 0; edge < edges; edge++)
+    for (int64_t i = 1; i <= last; i++)
+        for (int64_t edge = 0; edge < 2 * scene->unit_count && !(seen_at(own, scene, i)[scene->states + 1] > 0.0);
+             edge++)
             own->violation = larger(own->violation, -gap_of(own, scene, i, edge));
     return -1;
 }

@@ -4,6 +4,7 @@
 #include "riccati.h"
 
 #include <math.h>
+#include <string.h>
 
 /* larger() drops a NaN, the sum of all that was looked at keeps it. */
 struct judged {
@@ -15,6 +16,11 @@ HDV_INLINE void judge_bound(double v, double low, double high, double multiplier
     double over = v - high, under = low - v;
     to->primal = larger(larger(to->primal, over), under);
     to->gap += fabs(larger(multiplier, 0.0) * over) + fabs(larger(-multiplier, 0.0) * under);
+}
+
+/* Whether numbers are all zero: the first is, and each has the bits of the next. */
+static int all_zero(const double *numbers, int64_t count) {
+    return count == 0 || (numbers[0] == 0.0 && memcmp(numbers, numbers + 1, (size_t)(count - 1) * sizeof(double)) == 0);
 }
 
 /* Row g'x - sigma <= h with sigma >= 0, whose multiplier is linear + quadratic sigma - multiplier. Most rows never
@@ -48,8 +54,10 @@ HDV_INLINE void judge_state(
         to->dual = larger(to->dual, fabs(with_own));
         to->sum += with_own;
     }
-    for (int64_t row = 0; row < p && i > 0; ++row)
-        judge_row(own.x, row_at(program, n, i, row), point->rows + 2 * (i * p + row), *stage.live > 0.0, n, to);
+    int live = *stage.live > 0.0;
+    const double *rows = point->rows + 2 * i * p;
+    for (int64_t row = 0; row < p && i > 0 && (live || !all_zero(rows, 2 * p)); ++row)
+        judge_row(own.x, row_at(program, n, i, row), rows + 2 * row, live, n, to);
     for (int64_t number = bounds.begin; number < bounds.end; ++number) {
         double v = *bounded_of(program, own.x, own.u, number);
         judge_bound(v, stage.low[number], stage.high[number], own.bounds[number], to);

@@ -106,7 +106,8 @@ struct hdv_limits {
     double clearance;       /* to keep from every kerb, beyond what sampling needs [m] */
     int64_t row;            /* the term's first row of a stage */
     int64_t rows;           /* how many it has */
-    double *seen;           /* (stages, states + 1), state, and the curvature until it, at the last linearisation */
+    double *seen;           /* (stages, states + 2), state, and the curvature until it, as a stage was last looked
+                               through; how far all bodies are clear there [m], 0 where one has rows */
     struct hdv_edge *edges; /* (stages, units, 2), left and right */
     double violation;       /* deepest breach by the motion that was last linearised at [m]; 0 when all is kept */
 };

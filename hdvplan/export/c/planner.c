@@ -46,7 +46,7 @@ static void lay_out(struct hdvplan_memory *own) {
         [HDV_POINTS] = {own->points, POINT * sizeof(double)},
         [HDV_ROW_POINTS] = {own->row_points, ROWS * 2 * sizeof(double)},
         [HDV_OWN_ARRAYS] = {own->centred, sizeof(struct hdv_centred)},
-        [HDV_OWN_ARRAYS + 1] = {own->seen, (STATES + 1) * sizeof(double)},
+        [HDV_OWN_ARRAYS + 1] = {own->seen, (STATES + 2) * sizeof(double)},
         [HDV_OWN_ARRAYS + 2] = {own->edges, 2 * UNITS * sizeof(struct hdv_edge)}
     };
     memcpy(own->arrays, arrays, sizeof arrays);

@@ -85,7 +85,7 @@ struct hdvplan_memory {
     /* of the terms */
     struct hdv_centred centred[COUNT];
     double ones[COUNT];
-    double seen[COUNT * (STATES + 1)];
+    double seen[COUNT * (STATES + 2)];
     struct hdv_edge edges[COUNT * UNITS * 2];
     /* of the solver */
     double work[COUNT * RECURSION + MORE], weights[COUNT * WEIGHTS + MORE], steps[COUNT * (COLUMNS + INPUTS) + MORE];

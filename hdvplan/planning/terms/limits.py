@@ -54,7 +54,7 @@ class Limits(Term):
         rows["linear"], rows["quadratic"] = np.where(soft, 0.0, settings.elastic_weight), settings.elastic_growth
         rows["quadratic"][:, soft] = 2.0 * settings.overhang_cost
         behind = axles_behind(vehicle)
-        seen = Seen(np.zeros((count, vehicle.states + 1)), np.zeros((count, units, 2), EDGE))
+        seen = Seen(np.zeros((count, vehicle.states + 2)), np.zeros((count, units, 2), EDGE))
         assert scene.stations.street is not None  # noqa: S101 - for the type checker: see limits_of
         street = scene.stations.street.record.copy()
         street["clearance"] = clearance = settings.clearance - settings.give_way
