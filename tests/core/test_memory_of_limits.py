@@ -47,15 +47,24 @@ def clearances(vehicle: Vehicle, stations: Stations, at: int, z: FloatArray) -> 
     return own, np.minimum(own, found["overhang"]["gap"].min(axis=2))
 
 
+def moved_since(vehicle: Vehicle, part: LimitsPart, i: int, z: FloatArray) -> float:
+    """Return a bound of how far any point has moved since a stage was looked through, as it is not while all is clear there [m]."""
+    by, turned = np.abs(z - part.seen.x[i, : vehicle.states]), 1 + len(vehicle.units)
+    angles = np.sum(by[1:turned]) + STEP * (np.sum(by[turned:]) + abs(part.seen.x[i, vehicle.states]))
+    return float(by[0] + part.data["reach"][0] * angles)
+
+
 def check(vehicle: Vehicle, stations: Stations, first: int, z: FloatArray, part: LimitsPart) -> None:
     """Hold what is recorded against looking afresh at a few stages, and the rows against what is recorded."""
     edges, live = part.seen.edges, part.scene.qp.stages["live"]
     carried = np.any(part.rows["g"] != 0.0, axis=2).reshape(len(edges), len(vehicle.units), 2, -1)
     for i in (1, 5, STAGES):
         own, wheels = clearances(vehicle, stations, first + i, z[i])
-        assert np.all(edges["gap"][i] <= own + NEAR_M)
+        moved = moved_since(vehicle, part, i, z[i])
+        assert moved == 0.0 or part.seen.x[i, -1] - moved > CLEAR_M
+        assert np.all(edges["gap"][i] - moved <= own + NEAR_M)
         if part.rows.shape[1] > 2 * ROWS_PER_SIDE * len(vehicle.units):  # what overhangs reach beyond the wheels' kerbs costs
-            assert np.all(edges["clear"][i] <= wheels + NEAR_M)
+            assert np.all(edges["clear"][i] - moved <= wheels + NEAR_M)
         assert np.all(edges["clear"][i] <= edges["gap"][i])
         bare = ~carried[i].any(axis=2)  # sides without rows
         assert np.all(own[bare] > CLEAR_M - NEAR_M)

@@ -31,7 +31,7 @@ _FUNCTIONS = core_functions("limits")
 class Seen(NamedTuple):
     """What is known of every stage."""
 
-    x: FloatArray  # (N+1, n + 1), the state, and the curvature until it, at the last linearisation
+    x: FloatArray  # (N+1, n + 2), the state, and the curvature until it, as last looked through; how far all is clear there, or 0 [m]
     edges: Records  # (N+1, units, 2) of ``EDGE``, left and right
 
 
