@@ -51,7 +51,7 @@ def bench(
     """Time planning by road, vehicle, scheme and solver.
 
     A cell is one such combination. Solvers solve quadratic programs (QPs). Every cell is driven once a round, in an order that lets a busy
-    or warming machine affect all cells equally. To continue a run that was stopped, give the same command again.
+    or warming machine affect all cells equally. To continue a run that was stopped, give the same command again; --against begins anew.
 
     Defaults: ten shipped roads, bus and tractor-trailer, both schemes, riccati, piqp, clarabel and osqp, three rounds, limits
     0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables; the run continues.
@@ -72,7 +72,7 @@ def bench(
     given |= {"limits": False} if no_limits else {}
     if options.against is not None:
         with told_to_programs(report):
-            return gate(options.against, measured(suite, given, options.command), out, decision, report)
+            return gate(options.against, measured(suite, given, options), out, decision, report)
     entries = read_suite(suite) if suite else {}
     wanted = suite_of(entries | given)
     check_objective(wanted.objective)

@@ -87,6 +87,7 @@ class BenchOptions:
         Setting("Measure in alternation with a revision, a release (hdvplan==X) or another interpreter, and compare.", "REV"),
     ] = None
     command: Annotated[str | None, Setting("With --against: measure your own command, which prints planning times as JSON.", "CMD")] = None
+    extras: Annotated[str | None, Setting("With --command: install these extras of the project, too, on both sides.", "NAME,...")] = None
     counters: Annotated[Path | None, Setting("Compare iterations, sizes and envelopes with a committed baseline.", "FILE.csv")] = None
     renew: Annotated[bool, Setting("Write FILE.csv of --counters instead of comparing.")] = False
 
@@ -107,6 +108,7 @@ class BenchOptions:
                 "--factor, --floor, --expect-changes, --patience, --time-limit and --command need --against",
                 None,
             ),
+            (self.extras is not None and self.command is None, "--extras needs --command", None),
             (self.renew and self.counters is None, "--renew needs --counters", None),
             (
                 compared and self.counters is not None,

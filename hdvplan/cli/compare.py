@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.bench_options import Decision, Report
+from hdvplan.cli.bench_options import BenchOptions, Decision, Report
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.settings import OptionsOf, with_settings
@@ -142,7 +142,7 @@ def _summarise(markdown: str) -> None:
         warn(f"cannot write the step summary {summary}: {error.strerror or error}")
 
 
-def measured(suite: Path | None, given: Mapping[str, object], command: str | None) -> Suite | CommandWork:
+def measured(suite: Path | None, given: Mapping[str, object], options: BenchOptions) -> Suite | CommandWork:
     """Return what a comparison measures: a user's own command, or a suite.
 
     Raises:
@@ -156,11 +156,11 @@ def measured(suite: Path | None, given: Mapping[str, object], command: str | Non
     from hdvplan.plugins import is_reference
     from hdvplan.solvers.registry import check_solver
 
-    if command is not None:
+    if options.command is not None:
         if suite is not None or given:
             msg = "--command measures your own command: a suite and its options do not apply"
             raise OptionError(msg, hint="leave them out")
-        return CommandWork(command_words(command))
+        return CommandWork(command_words(options.command), tuple(options.extras.split(",")) if options.extras else ())
     wanted = suite_of(dict(SUITE) | (read_suite(suite) if suite else {}) | dict(given))
     for name in wanted.solvers:
         if not is_reference(name):  # each program has its own of these
@@ -237,7 +237,9 @@ def _again(against: str, wanted: Suite | CommandWork, decision: Decision, out: P
     """Return the command that measures the same again."""
     from hdvplan.bench.comparing.work import CommandWork
 
-    what = ["--command", shlex.join(wanted.words)] if isinstance(wanted, CommandWork) else ["--suite", str(out / "suite.toml")]
+    what = ["--suite", str(out / "suite.toml")]
+    if isinstance(wanted, CommandWork):
+        what = ["--command", shlex.join(wanted.words), *(("--extras", ",".join(wanted.extras)) if wanted.extras else ())]
     return shlex.join(["hdvplan", "bench", "--against", against, *what, *decision.words(), "--out", f"{out}-again"])
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from hdvplan.bench.comparing import programs
 from hdvplan.bench.comparing.processes import Ended, scratch_folder
-from hdvplan.bench.comparing.programs import ProgramError, UnreachedError, install, reason
+from hdvplan.bench.comparing.programs import Home, Program, ProgramError, UnreachedError, install, reason
 
 
 @pytest.mark.parametrize(
@@ -49,3 +50,31 @@ def test_an_index_that_does_not_answer_is_told_from_a_project_that_cannot_be_ins
     with scratch_folder() as scratch, pytest.raises(ProgramError) as raised:
         install(tmp_path, tmp_path / "venv", "theirs", scratch, again=True)
     assert isinstance(raised.value, UnreachedError) == unreached
+
+
+def test_extras_are_asked_of_pip_and_one_that_the_project_lacks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def run(command: list[str], *_: object) -> Ended:
+        asked.append(command[-1])
+        return Ended(0, "", "WARNING: ours 1 does not provide the extra 'tests'\n" if "tests" in command[-1] else "")
+
+    monkeypatch.setattr(programs, "run", run)
+    with scratch_folder() as scratch:
+        install(tmp_path, tmp_path / "venv", "theirs", scratch, extras=("test", "plot"), again=True)
+        assert asked == [f"{tmp_path}[test,plot]"]
+        with pytest.raises(ProgramError, match="theirs cannot be installed: it has no extra 'tests'"):
+            install(tmp_path, tmp_path / "venv", "theirs", scratch, extras=("tests",), again=True)
+
+
+@pytest.mark.parametrize("forbidden", [True, False])
+def test_both_sides_have_bytecode_where_the_users_shell_forbids_to_write_any(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, forbidden: bool
+) -> None:
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1" if forbidden else "")
+    (tmp_path / "ours.py").write_text("", encoding="utf-8")
+    program = Program("ours", Path(sys.executable), tmp_path, tmp_path)
+    with scratch_folder() as scratch:
+        program.finish(program.start([sys.executable, "-c", "import ours"], scratch, Home(tmp_path / "home")))
+        assert len(list((scratch.folder / "bytecode").rglob("ours.*.pyc"))) == forbidden
+    assert len(list(tmp_path.glob("__pycache__/ours.*.pyc"))) == (not forbidden)

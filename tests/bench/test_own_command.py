@@ -8,6 +8,8 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,6 +27,7 @@ from hdvplan.bench.comparing.sides import Side, own_changes, own_name, read_side
 from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.comparing.work import CommandWork, SuiteWork, command_words, steps_of
 from hdvplan.errors import OptionError
+from hdvplan.machine import machine_facts, machine_words
 from tests.bench.conftest import Cli, git
 from tests.docs.blocks import blocks_of
 
@@ -60,9 +63,13 @@ def test_what_is_no_list_of_times_is_refused(told: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("cell", "words"), [({"steps_s": [1.0], "counter": {}}, "'counter' is none of"), ({"step_s": [1.0]}, "'step_s' is none")]
-)
-def test_a_key_that_no_cell_has_is_refused_as_its_numbers_would_be_passed_over(cell: object, words: str) -> None:
+    ("cell", "words"),
+    [
+        ({"steps_s": [1.0], "counter": {}}, "'counter' is none of"), ({"step_s": [1.0]}, "'step_s' is none"),
+        ([[1.0], [1.0, 2.0]], "a: steps_s has rounds of 1 and of 2 steps"),
+    ],
+)  # fmt: skip
+def test_a_cell_that_could_be_read_in_part_only_is_refused_with_what_is_wrong(cell: object, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         steps_of({"cells": {"a": cell}})
 
@@ -78,6 +85,13 @@ def test_a_command_that_prints_no_times_is_a_failed_program(printed: str, tmp_pa
     with pytest.raises(ProgramError, match="ours prints no planning times") as caught:
         CommandWork(("ours",)).keep(Ended(0, printed, ""), tmp_path / "00")
     assert "steps_s" in str(caught.value.hint)
+
+
+def test_times_in_milliseconds_are_refused_as_more_than_the_process_ran(tmp_path: Path) -> None:
+    for steps, ran in (([0.01, 0.01], 0.03), ([10.0, 10.0], 0.5)):
+        ended = Ended(0, json.dumps({"cells": {"a": steps}}), "", {"ran_s": ran})
+        with nullcontext() if steps[0] < ran else pytest.raises(ProgramError, match=r"add up to 20 s, and it ran for 0\.5 s: are they in"):
+            CommandWork(("ours",)).keep(ended, tmp_path / "00")
 
 
 @pytest.mark.parametrize(
@@ -119,14 +133,14 @@ def test_two_reports_of_pytest_benchmark_are_compared(cli: Cli, tmp_path: Path) 
     assert (outcome.code, outcome.out.split(";")[0]) == (3, "could not measure: 1 of 1 cells took longer, most depot: 2.00 times as long")
 
 
-def side(*cells: dict[str, object], spent: dict[str, float] | None = None) -> Side:
+def side(*cells: dict[str, object], spent: Mapping[str, object] | None = None) -> Side:
     """Return a side of processes that told these cells, and took so much."""
     with tempfile.TemporaryDirectory() as name:
         for number, cell in enumerate(cells):
             folder = Path(name) / f"{number:02d}"
             folder.mkdir()
             (folder / "steps.json").write_text(json.dumps({"cells": {"depot": cell}}), encoding="utf-8")
-            (folder / "process.json").write_text(json.dumps(spent or {}), encoding="utf-8")
+            (folder / "process.json").write_text(json.dumps(dict(spent or {})), encoding="utf-8")
         return read_side(Path(name))
 
 
@@ -175,6 +189,13 @@ def test_what_a_command_takes_beside_its_steps_is_red(spent: dict[str, float], n
     assert comparison.verdict is GateVerdict.REGRESSED
 
 
+def test_the_machine_of_a_commands_processes_is_kept_so_that_those_of_two_are_told_apart() -> None:
+    here, there = ({"machine": machine_facts() | more} for more in ({}, {"processor": "Another 9000"}))
+    assert list(side(told_steps(), spent=here).machines) == [machine_words(machine_facts())]
+    comparison = compare(side(told_steps(), spent=here), side(told_steps(), spent=there), Rule(), Tolerance(), expect_changes=False)
+    assert comparison.elsewhere
+
+
 def test_processes_with_an_empty_home_are_cells_of_their_own() -> None:
     warm, slow = side(*[told_steps()] * 10), side(*[told_steps(slow=3.0)] * 10)
     base, new = (replace(warm, cold=cold.processes, cold_about=cold.about) for cold in (warm, slow))
@@ -200,7 +221,7 @@ def test_processor_time_decides_where_the_clock_cannot_if_the_steps_take_most_of
         (entry,) = comparison.times
         assert (comparison.verdict, entry.verdict, entry.by_cpu) == (verdict, verdict, verdict is GateVerdict.FINE)
     line = verdict_line(comparison, Rule())
-    assert re.search(r"; 10 pairs would have shown \d\.\d\d times as long; load average 3\.0 on \d+ cores(;|$)", line)
+    assert re.search(r"; 10 pairs would have shown a slowdown of \d+ %; load average 3\.0 on \d+ cores(;|$)", line)
 
 
 def test_a_suite_that_ends_well_without_a_benchmark_is_a_failed_program(tmp_path: Path) -> None:

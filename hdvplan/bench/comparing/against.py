@@ -18,7 +18,7 @@ from hdvplan.bench.comparing.decision import FEWEST, LOOKS, GateVerdict, Rule
 from hdvplan.bench.comparing.environment import base_named, base_program, cache_folder, new_program
 from hdvplan.bench.comparing.processes import Scratch, Started, Turns, in_turn, scratch_folder, shared_cores
 from hdvplan.bench.comparing.programs import Home, Program, ProgramError, UnreachedError
-from hdvplan.bench.comparing.sides import COLD, LOAD, read_side
+from hdvplan.bench.comparing.sides import COLD, LOAD, MACHINE, read_side
 from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.comparing.work import ABOUT, CommandWork, SuiteWork, Work, placed, refuse_nothing, suite_entries, suite_text
 from hdvplan.bench.suite import Suite
@@ -34,7 +34,6 @@ SUITE: Mapping[str, object] = {"roads": ("uturn", "monaco_fairmont_hairpin"), "s
 SIDES = ("base", "new")
 REPORTS = ("comparison.json", "junit.xml", "benchmark.json", "bencher.json", "summary.md", "suite.toml")  # beside the sides' folders
 WARM = "warm"  # of a process that does its work once before, and of the home that it leaves
-_BAD_USE = (2, 126, 127)  # exit codes: of hdvplan, and of what cannot be started
 
 
 class _SideError(Exception):
@@ -102,7 +101,8 @@ class _Measuring:
                 self.sides[side].work.keep(ended, target)
             load = load_average()
             if target.is_dir():
-                write_atomically(target / ABOUT, json_bytes({**ended.spent, LOAD: load[0] if load else None}))
+                about = {**ended.spent, LOAD: load[0] if load else None, MACHINE: machine_facts()}
+                write_atomically(target / ABOUT, json_bytes(about))
 
     def warm_up(self) -> Sequence[str]:
         """Run both once, at the same time, and return where pairs of processes go: cold ones too if any side keeps files in its home."""
@@ -154,8 +154,9 @@ def measure_against(base: Contender, new: Contender, settings: Settings, out: Pa
                     listener.step(f"{verdict_line(found, settings.rule)}; measuring on, for at most {left:.0f} s")
     except _SideError as failure:
         side, error = failure.side, failure.error
-        if side == SIDES[0] and error.code in _BAD_USE and _fails_too(measuring.begun.get(SIDES[1]), new.program):
-            raise OptionError(str(error), hint=error.hint) from error
+        if side == SIDES[0] and _fails_too(measuring.begun.get(SIDES[1]), new):
+            msg = f"neither side can be measured: {error}"
+            raise OptionError(msg, hint=error.hint) from error
         return failed(side, str(error), error.tail)
     return found
 
@@ -190,14 +191,14 @@ def compared(out: Path, settings: Settings) -> Comparison:
     return compare(sides[SIDES[0]], sides[SIDES[1]], settings.rule, Tolerance(), expect_changes=settings.expect_changes)
 
 
-def _fails_too(begun: tuple[Started, Path] | None, program: Program) -> bool:
-    """Tell whether the other program ends with bad use as well: then what was asked for is wrong, not a program."""
+def _fails_too(begun: tuple[Started, Path] | None, new: Contender) -> bool:
+    """Tell whether the other program fails as well: then what was asked for is wrong, not a program."""
     if begun is None:
         return False
     try:
-        program.finish(begun[0])
-    except ProgramError as error:
-        return error.code in _BAD_USE
+        new.work.keep(new.program.finish(begun[0]), begun[1])
+    except ProgramError:
+        return True
     return False
 
 
@@ -224,7 +225,7 @@ def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path
 
     """
     with ended_by_signals(), scratch_folder() as scratch:
-        here = checkout()
+        here = checkout(work.extras if isinstance(work, CommandWork) else ())
         named = base_named(against, here)
         if named.commit is not None and here is not None and isinstance(work, Suite):
             refuse_nothing(here, work)

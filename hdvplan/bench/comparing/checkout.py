@@ -18,10 +18,11 @@ from hdvplan.texts import printable
 
 @dataclass(frozen=True)
 class Checkout:
-    """The git checkout that a comparison starts in; ``below`` is the folder within it."""
+    """The git checkout that a comparison starts in; ``below`` is the folder within it, ``extras`` of its package are wanted."""
 
     top: Path
     below: Path
+    extras: tuple[str, ...] = ()
 
     @property
     def is_ours(self) -> bool:
@@ -34,7 +35,7 @@ class Checkout:
         return next((folder for folder in (self.below, *self.below.parents) if _can_be_installed(self.top / folder)), None)
 
 
-def checkout() -> Checkout | None:
+def checkout(extras: tuple[str, ...] = ()) -> Checkout | None:
     """Return the git checkout that the working directory is in; None outside.
 
     Raises:
@@ -44,7 +45,7 @@ def checkout() -> Checkout | None:
     ended, here = _run(None, "rev-parse", "--show-toplevel"), Path.cwd()
     if ended is not None and ended.returncode == 0:
         top = Path(_text(ended.stdout))
-        return Checkout(top, here.resolve().relative_to(top.resolve()))
+        return Checkout(top, here.resolve().relative_to(top.resolve()), extras)
     found = next((folder for folder in (here, *here.parents) if os.path.lexists(folder / ".git")), None)
     if found is None:
         return None

@@ -68,7 +68,7 @@ def quantities(rule: Rule) -> tuple[Quantity, ...]:
         Quantity("p99", "of all steps of all rounds", "ms", at_least(1.25), 5.0 * floor, "outside", lambda all_: np.quantile(all_, 0.99)),
         Quantity("worst", "of all steps of all rounds", "ms", at_least(1.5), 10.0 * floor, "outside", np.max),
         Quantity("first plan", "the fastest of the drives' first plans", "ms", at_least(1.25), 10.0 * floor, "first", np.min),
-        Quantity("import", "loading modules", "s", at_least(1.15), 0.1, IMPORT),
+        Quantity("import", "loading modules, in all processes that it starts", "s", at_least(1.15), 0.1, IMPORT),
         Quantity("start-up", "until the first turn, else all beside the steps", "s", at_least(1.15), 0.1, START, when_cold=True),
         Quantity("unreported", "in its turns, beside the steps", "s", at_least(1.15), 0.1, UNREPORTED),
         Quantity("CPU", "processor time of the whole process", "s", at_least(1.08), 0.02, CPU, when_cold=True),

@@ -117,7 +117,7 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
     assert base.commit is not None  # noqa: S101 - what else there is was dealt with
     name = f"{base.words} ({base.commit[:9]})" if not base.commit.startswith(base.words) else base.commit[:9]
     package = here.package
-    with _kept(cache, f"{base.commit}-{_request(here.top, package)}") as (folder, ready):
+    with _kept(cache, f"{base.commit}-{_request(here)}") as (folder, ready):
         source, python = folder / "source", Path(sys.executable)
         if not ready:
             on_step(f"checking out {name}")
@@ -127,7 +127,7 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
             python = folder / "venv" / PYTHON
             if not ready:
                 on_step(f"installing {name}, once for this revision")
-                install(source / package, folder / "venv", name, scratch)
+                install(source / package, folder / "venv", name, scratch, extras=here.extras)
         below = source / here.below if (source / here.below).is_dir() else source
         program = Program(name, python, source if own.is_ours and python == Path(sys.executable) else None, below)
         if not ready:
@@ -155,11 +155,11 @@ def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: C
     if package is None:
         return present("the working tree", None, here.top / here.below)
     name = "the working tree"
-    with _kept(cache, f"new-{_digest(os.fsencode(here.top))}-{_request(here.top, package)}") as (folder, ready):
+    with _kept(cache, f"new-{_digest(os.fsencode(here.top))}-{_request(here)}") as (folder, ready):
         on_step(f"installing {name}")
         source = scratch.folder / "working-tree"  # building leaves files beside the sources
         copy_tree(here.top, source, (out, cache))
-        install(source / package, folder / "venv", name, scratch, again=ready)
+        install(source / package, folder / "venv", name, scratch, extras=here.extras, again=ready)
     return Program(name, folder / "venv" / PYTHON, None, here.top / here.below)
 
 
@@ -239,11 +239,13 @@ def _dependencies(source: Path) -> str | None:
     return repr((project.get("dependencies", []), project.get("requires-python")))
 
 
-def _request(top: Path, package: Path | None) -> str:
-    """Return a digest of the interpreter, of the project's folder, and of the files that say what else is needed."""
-    folder = top / (package or ".")
+def _request(here: Checkout) -> str:
+    """Return a digest of the interpreter, of the project's folder and extras, and of the files that say what else is needed."""
+    package = here.package
+    folder = here.top / (package or ".")
     files = [(folder / name).read_bytes() for name in _ASKED_FOR if (folder / name).is_file()]
-    return _digest(b"\0".join([sys.executable.encode(), sys.version.encode(), os.fsencode(package or ""), *files]))
+    asked = [sys.executable, sys.version, os.fspath(package or ""), *here.extras]
+    return _digest(b"\0".join([*map(os.fsencode, asked), *files]))
 
 
 def _digest(content: bytes) -> str:

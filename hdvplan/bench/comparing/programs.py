@@ -72,7 +72,7 @@ class Program:
 
     def environment(self) -> dict[str, str]:
         """Return the environment to start it in."""
-        mine = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        mine = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PYTHONDONTWRITEBYTECODE"}}
         path = {} if self.source is None else {"PYTHONPATH": str(self.source)}
         first = os.pathsep.join([str(self.python.parent), *filter(None, [mine.get("PATH")])])
         return mine | path | {"PATH": first, "PYTHONHASHSEED": "0"}
@@ -85,6 +85,8 @@ class Program:
 
         """
         variables = self.environment() | home.variables() | {"PYTHONPROFILEIMPORTTIME": "1"}
+        if os.environ.get("PYTHONDONTWRITEBYTECODE"):  # a side that lacks bytecode would be the slower: both have some, elsewhere
+            variables["PYTHONPYCACHEPREFIX"] = str(scratch.folder / "bytecode")
         try:
             return start(command, variables, scratch, self.folder, turns, home.limit)
         except (OSError, ValueError) as error:
@@ -104,7 +106,8 @@ class Program:
             raise ProgramError(msg, tail=ended.tail, code=ended.code, hint="--time-limit S allows more")
         if ended.code != 0:
             msg = f"{self.name} ended with {ended.how} and says: {ended.words}"
-            raise ProgramError(msg, tail=ended.tail, code=ended.code, hint="run it there alone")
+            hint = "--extras NAME installs an extra of the project, too" if "No module named" in ended.words else "run it there alone"
+            raise ProgramError(msg, tail=ended.tail, code=ended.code, hint=hint)
         return ended
 
     def suite_defaults(self, scratch: Scratch) -> Mapping[str, object]:
@@ -138,6 +141,7 @@ def present(name: str, source: Path | None, folder: Path | None = None) -> Progr
 PYTHON = Path("Scripts/python.exe" if os.name == "nt" else "bin/python")  # in an environment
 _NO_ANSWER = re.compile(r"WARNING: Retrying|connection broken by|Could not fetch URL|ConnectionError|timed out", re.IGNORECASE)
 _NO_VERSION = re.compile(r"\(from versions: none\)|Max retries exceeded|ReadTimeoutError")
+_NO_EXTRA = re.compile(r"does not provide the extra '([^']*)'")
 _NOT_OURS = {"PYTHONPATH", "PIP_REQUIRE_VIRTUALENV", "VIRTUAL_ENV"}
 
 
@@ -155,7 +159,7 @@ def environment(folder: Path, scratch: Scratch) -> Path:
     return folder / PYTHON
 
 
-def install(source: Path, folder: Path, name: str, scratch: Scratch, *, again: bool = False) -> None:
+def install(source: Path, folder: Path, name: str, scratch: Scratch, *, extras: Sequence[str] = (), again: bool = False) -> None:
     """Install a source tree into the environment ``folder``; ``again``: only itself, into one that has its requirements.
 
     Raises:
@@ -164,7 +168,11 @@ def install(source: Path, folder: Path, name: str, scratch: Scratch, *, again: b
 
     """
     python = folder / PYTHON if again else environment(folder, scratch)
-    ended = pip(python, scratch, source.as_uri(), *(("--no-deps", "--force-reinstall") if again else ()))
+    what = f"{source.absolute()}[{','.join(extras)}]" if extras else source.as_uri()
+    ended = pip(python, scratch, what, *(("--no-deps", "--force-reinstall") if again else ()))
+    if missing := _NO_EXTRA.search(ended.stderr):
+        msg = f"{name} cannot be installed: it has no extra {missing[1]!r}"
+        raise ProgramError(msg, tail=ended.tail)
     if ended.code != 0:
         if is_unreached(ended) and _NO_VERSION.search(ended.stderr):  # a build that fails after a retry is the program's own failure
             msg = f"{name} cannot be installed: no package index answers"

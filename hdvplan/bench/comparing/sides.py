@@ -25,6 +25,7 @@ Name = tuple[str, ...]  # of a cell, as in KEY
 TABLES = ("timing.csv", "envelope.csv", "samples.csv.gz")
 IMPORT, PEAK, CPU, START, LOAD = "import_s", "peak_bytes", "cpu_s", "start_s", "load"  # as ``ABOUT`` has them, with how long it RAN
 RAN, UNREPORTED = "ran_s", "unreported_s"
+MACHINE = "machine"  # as ``ABOUT`` and run.json have it
 COLD = "cold"  # the folder of processes that began with an empty home
 _MOST_BYTES = 1e18  # more than any machine has
 _LEAST_S = 1e-6  # beside the steps, of a program that runs several at once
@@ -62,12 +63,12 @@ class Side:
     last_words: Mapping[Name, str] = field(default_factory=dict)  # of cells without a plan in any process: why, in one line
     cold: Processes = ()  # as ``processes``, each of which began with an empty home
     cold_about: tuple[Mapping[str, float], ...] = ()
-    records: tuple[Mapping[str, Mapping[str, object]], ...] = ()  # what run.json says of every process; none of a user's command
+    records: tuple[Mapping[str, Mapping[str, object]], ...] = ()  # what run.json, or ``ABOUT``, says of every process
 
     @property
     def machines(self) -> dict[str, None]:
         """What the processes were measured on, as far as they say, each machine once."""
-        return dict.fromkeys(machine_words(record["machine"]) for record in self.records if "machine" in record)
+        return dict.fromkeys(machine_words(record[MACHINE]) for record in self.records if MACHINE in record)
 
 
 def read_side(path: Path) -> Side:
@@ -109,7 +110,7 @@ def _side(path: Path, folders: list[Path]) -> Side:
         times = tuple(times_of(samples) for _, _, samples in tables)
         timings = [timing for timing, _, _ in tables]
         about = tuple(map(_about, folders, times))
-        counters, records = counters_of(samples, timing, envelope), tuple(map(_record, folders))
+        counters, records = counters_of(samples, timing, envelope), tuple(_record(folder / "run.json") for folder in folders)
         return Side(counters, times, about, lost=_lost(timings), last_words=_last_words(timings), records=records)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
         msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
@@ -155,10 +156,10 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
     return cells
 
 
-def _record(folder: Path) -> Mapping[str, Mapping[str, object]]:
+def _record(file: Path) -> Mapping[str, Mapping[str, object]]:
     try:
-        record = read_json(folder / "run.json")
-        return {name: record[name] for name in ("machine", "settings") if isinstance(record.get(name), dict)}
+        record = read_json(file)
+        return {name: record[name] for name in (MACHINE, "settings") if isinstance(record.get(name), dict)}
     except (OSError, ValueError, AttributeError):
         return {}
 
@@ -223,7 +224,8 @@ def _own_side(folders: list[Path]) -> Side:
         {own_name(name): Steps(cell.steps, np.empty((0, 0)), cell.first, cell.s) for name, cell in cells.items()} for cells in measured
     )
     counters = tuple({own_name(name): _counted(cell) for name, cell in cells.items()} for cells in measured)
-    return Side(pd.DataFrame(columns=KEY), processes, tuple(map(_about, folders, processes)), counters)
+    records = tuple(_record(folder / ABOUT) for folder in folders)
+    return Side(pd.DataFrame(columns=KEY), processes, tuple(map(_about, folders, processes)), counters, records=records)
 
 
 def _counted(cell: OwnSteps) -> Mapping[str, object]:

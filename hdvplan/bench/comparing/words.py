@@ -91,7 +91,7 @@ def _changed_parts(changes: Sequence[Change]) -> list[str]:
 def _could(unknown: Sequence[Entry], comparison: Comparison) -> str:
     """Return what could have been seen in spite of the noise, and the load of the machine."""
     seen = max(max(entry.decision.detectable, entry.decision.high) for entry in unknown)
-    words = f"; {comparison.processes} pairs would have shown {seen:.2f} times as long" if np.isfinite(seen) else ""
+    words = f"; {comparison.processes} pairs would have shown a slowdown of {100.0 * (seen - 1.0):.0f} %" if np.isfinite(seen) else ""
     cores = os.cpu_count() or 1
     return words if np.isnan(comparison.load) else f"{words}; load average {comparison.load:.1f} on {cores} cores"
 
@@ -203,9 +203,9 @@ def _caption(comparison: Comparison) -> str:
     by_cpu = any(one.by_cpu for one in comparison.times)
     unseen += " By CPU: the processor time leaves no room for a change that counts." if by_cpu else ""
     return (
-        f"Every step with its fastest round; base and new are of the pair of processes with the middle ratio of {pairs}, the interval "
-        f"is that of the median. Visible from: the smallest slowdown that these pairs would have shown 9 times out of 10{repeat} "
-        f"(- where there are too few).{unseen}"
+        f"Every step with its fastest round; base and new are, in each row, of the pair of processes with the middle ratio of {pairs}, "
+        "the interval is that of the median. Visible from: the smallest slowdown that these pairs would have shown 9 times out of "
+        f"10{repeat} (- where there are too few).{unseen}"
     )
 
 

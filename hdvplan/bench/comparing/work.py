@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -64,6 +65,7 @@ class CommandWork:
     """A command whose last line on stdout is JSON, or which writes it into the file that replaces ``{json}`` in its words."""
 
     words: tuple[str, ...]
+    extras: tuple[str, ...] = ()  # of the project, that it needs
     on_one_thread: ClassVar = False
 
     def command(self, program: Program, out: Path, *, warm: bool) -> list[str]:  # noqa: ARG002 - see ``Work``
@@ -80,7 +82,7 @@ class CommandWork:
         lines = written.strip().splitlines()
         try:
             report = json.loads(lines[-1] if lines[-1].lstrip().startswith("{") else written, parse_constant=_refused)
-            steps_of(report)
+            _refuse_longer(steps_of(report), ended.spent.get("ran_s", np.inf))
         except (ValueError, IndexError, RecursionError) as error:
             reason = str(error) if lines and lines[-1].lstrip().startswith("{") else f"its last line is {(lines or ['nothing'])[-1][:80]!r}"
             msg = f"{self.words[0]} prints no planning times: {reason}"
@@ -88,6 +90,14 @@ class CommandWork:
         out.mkdir(parents=True, exist_ok=True)
         write_atomically(out / STEPS, json_bytes(report))
         (out / _WRITTEN).unlink(missing_ok=True)
+
+
+def _refuse_longer(cells: Mapping[str, OwnSteps], ran: float) -> None:
+    """Refuse steps that cannot have fitted into the time for which their process ran [s], each core with its own."""
+    lasted = sum(float(np.sum(cell.steps) + np.sum(cell.first)) for cell in cells.values())
+    if lasted > ran * (os.cpu_count() or 1):
+        msg = f"its steps add up to {lasted:.3g} s, and it ran for {ran:.3g} s: are they in seconds?"
+        raise ValueError(msg)
 
 
 SHORTEST_S, LONGEST_S = 1e-12, 1e9  # of a time: no clock shows others, and ratios of them come to the end of what floats hold
@@ -160,6 +170,10 @@ def _cell(name: str, cell: Mapping[str, object]) -> OwnSteps:
 
 
 def _numbers(name: str, key: str, value: object) -> FloatArray:
+    rounds = {len(one) for one in value if isinstance(one, list)} if isinstance(value, list) else set()
+    if len(rounds) > 1:
+        msg = f"{name}: {key} has rounds of {min(rounds)} and of {max(rounds)} steps; all need the same"
+        raise ValueError(msg)
     try:
         numbers = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
