@@ -241,6 +241,8 @@ def _pieces(chain: _Chain, bends: _Bends) -> FloatArray:
     bulge = np.abs(joints[..., 1] * np.cos(direction)[:, None] - joints[..., 0] * np.sin(direction)[:, None])
     allowed = np.full(len(c), _BULGE_M)
     allowed[here[right & (one != other)]] = _RUN_OUT_M
+    last = here[~right & ~smooth & (one != other) & ~np.bool_(chain.closed) & np.isin(here, (0, len(c) - 2))]
+    allowed[last] = 0.0  # the bend's tangent does not reach the line's end: nothing tells that it bends there
     far = np.any((bulge > allowed[:, None]) & (pieces[:, 1:, 3] > 0.0), axis=1)
     return np.where(far[:, None, None], straight, pieces)
 

@@ -135,6 +135,14 @@ def test_a_small_kink_stays_sharp_and_is_not_told() -> None:
     assert line.sharp.tolist() == [False, True, False]
 
 
+def test_a_long_straight_stays_one_before_a_bend_whose_tangent_does_not_reach_its_other_end() -> None:
+    approach = np.array([[0.0, 0.0], [0.0, 38.0], [1.5, 46.0], [2.85, 51.645], [3.624, 52.244]])
+    for points in (approach, approach[::-1]):
+        line = given_line(points, closed=False)
+        beside = line.points[line.points[:, 1] < 38.0]
+        np.testing.assert_allclose(beside[:, 0], 0.0, atol=1e-9)  # rounding
+
+
 def test_a_closed_line_may_have_its_corner_where_it_begins() -> None:
     square = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0], [0.0, 0.0]])
     line = given_line(square, closed=True)
