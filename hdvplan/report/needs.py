@@ -26,7 +26,7 @@ from hdvplan.report.grid import grid
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import proof_json, tracking_json
-from hdvplan.road.regions import called
+from hdvplan.road.regions import Kind, called
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 
@@ -76,16 +76,18 @@ def _held_line(need: Need, vehicle: str) -> str:
 
 
 def _widening_line(need: Need) -> str:
-    widenings, vehicle = need.widenings, need.case.vehicle.name
+    widenings, vehicle, clearance = need.widenings, need.case.vehicle.name, need.case.settings.clearance
     assert widenings is not None  # noqa: S101 - for the type checker
+    kept, included = (f" with {clearance:.2f} m of clearance", ", clearance included") if clearance > 0.0 else ("", "")
     if widenings.fitting is not None:
-        return worded(YES, f"the {vehicle} fits within the road's own limits; {tracking_line(widenings.fitting)}")
+        return worded(YES, f"the {vehicle} fits within the road's own limits{kept}; {tracking_line(widenings.fitting)}")
     if widenings.area is None or widenings.depth is None:
-        return worded(NO, f"the {vehicle} does not fit, and no widening of the road's own limits was found that would do{_why(need.room)}")
+        return worded(NO, f"the {vehicle} does not fit{kept}, and no widening of the road's own limits was found that would do{_why(need.room)}")
     area, depth = widenings.area, widenings.depth
-    least = f"widening the road by {_area_text(area.area)} would do, {area.depth:.2f} m at the deepest"
+    least = f"widening the road by {_area_text(area.area)} would do, {area.depth:.2f} m at the deepest{included}"
     other = "" if area.area == depth.area else f", or {_area_text(depth.area)} nowhere deeper than {depth.depth:.2f} m"
-    return worded(NO, f"the {vehicle} does not fit; {least}{other}")
+    stays = "; obstacles stay where they are" if any(region.kind is Kind.OBSTACLE for region in need.case.road.regions) else ""
+    return worded(NO, f"the {vehicle} does not fit{kept}; {least}{other}{stays}")
 
 
 def _area_text(area: float) -> str:

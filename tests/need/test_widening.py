@@ -15,7 +15,7 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, edge_need_of, need_of
 from hdvplan.need.land import around, moved, on_kerbs
 from hdvplan.need.search import Least, kerbs_on, on_road, spare_of
-from hdvplan.need.widening import Widenings, least_widenings, own_plans
+from hdvplan.need.widening import Widening, Widenings, least_widenings, own_plans
 from hdvplan.report.needs import need_json, need_lines, shown_plan
 from hdvplan.road.limits import Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
@@ -150,6 +150,21 @@ def test_patches_lie_between_the_old_and_the_new_kerb() -> None:
     assert float(np.min(right.points[:, 1])) == pytest.approx(-0.5 * BUS.width, abs=1e-3)  # with a seam of 0.1 mm
     assert patch.polygon.bounds[3] == pytest.approx(-1.0, abs=1e-6)
     assert patch.polygon.area == pytest.approx((patch.s_to - patch.s_from) * patch.depth, rel=1e-3)
+
+
+def test_the_answer_names_the_clearance_that_is_lacking_and_what_stays() -> None:
+    case = case_on([0.0, 60.0], [0.0, 0.0])
+    wide = plan(replace(case, road=case.road.with_limits(3.0, 3.0)))
+    island = Region(Kind.OBSTACLE, shapely.box(50.0, 10.0, 55.0, 15.0), "island")
+    widening = Widening(around(on_road(wide, case.road.with_limits(3.0, 1.0)), BOTH)[1], wide)
+    asked = replace(case, road=replace(wide.drive.road, regions=(island,)), settings=replace(case.settings, clearance=0.5))
+    no, yes = (
+        need_lines(Need(asked, None, least_in_the_bend(), None, None, found))[0]
+        for found in (Widenings(widening, widening, None), Widenings(None, None, wide))
+    )
+    assert no.startswith("NO: the bus does not fit with 0.50 m of clearance; widening the road by ")
+    assert no.endswith(" m at the deepest, clearance included; obstacles stay where they are")
+    assert yes.startswith("YES: the bus fits within the road's own limits with 0.50 m of clearance; ")
 
 
 def test_kerbs_that_move_outwards_leave_every_body_at_least_as_much_more_room() -> None:
