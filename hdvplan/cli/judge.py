@@ -27,7 +27,13 @@ _JUDGED = ("clearance", "tracking_error", "tracking_length")
 
 @with_settings
 def judge(
-    path: Annotated[Path, typer.Argument(metavar="PATH.csv", help="The path: columns x, y or lon, lat and, if known, heading, beta1, ...")],
+    path: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PATH.csv",
+            help="The path: columns x, y or lon, lat and, if known, heading, beta1, ...; or a GPX, KML, GeoJSON line.",
+        ),
+    ],
     road: RoadArgument,
     vehicle: VehicleOption,
     *,
@@ -50,7 +56,7 @@ def judge(
     """Judge a path of your own, of whatever planner, in the street of a road.
 
     The middle of the lead unit's rear axle follows PATH.csv exactly; its trailers are simulated. x and y are in the plane of the road's
-    path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. A track that was recorded is smoothed first.
+    path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. Smooth a track that was recorded first.
     Prints and writes what `hdvplan plan` does. Over each metre the path may turn more tightly than the vehicle by 1 % and 0.002 1/m, which
     rounded points do.
 
@@ -76,7 +82,7 @@ def judge(
         raise RoadError(msg, hint="judge along a shorter part of it")
     from hdvplan import api
     from hdvplan.case import Case
-    from hdvplan.driving.followed import read_given_path
+    from hdvplan.driving.given_path import read_given_path
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.result import result_of
     from hdvplan.loop.closed import loop_json, loop_text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import scipy  # its subpackages load when they are first used
@@ -17,8 +16,6 @@ from hdvplan.planning.objectives import Objective
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.road.arcs import wrapped
-from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat
-from hdvplan.road.load_csv import read_columns
 from hdvplan.road.passages import Passage
 from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.regions import Side
@@ -36,9 +33,10 @@ _ROUNDED = 2e-3  # curvature [1/m] by which it may be exceeded
 _SAME_M = 0.05  # two places of a road are one
 _NEWTON = 4  # steps; the first guess is between points that are at most some metres apart
 _FORWARD = 0.05  # cosine of the angle to the line, at least
-_PLANE_HINT = "its x and y are in the plane of the road's path, as in the path.csv that `hdvplan plan` writes"
+PLANE_HINT = "its x and y are in the plane of the road's path, as in the path.csv that `hdvplan plan` writes"
 _HINT = "x and y are the middle of the lead unit's rear axle, heading its direction [rad, counter-clockwise from x]"
-_RECORDED = "its points count to the millimetre: smooth a track that was recorded, or `hdvplan plan` along it as a road"
+_UNEVEN = 5.0  # times as far apart as most points: a curve through both swings
+_RECORDED = "near points count to the millimetre: smooth a track that was recorded, thin it, or plan along it as a road"
 
 
 @dataclass(frozen=True)
@@ -47,12 +45,14 @@ class GivenPath:
 
     ``heading`` is None where it is the direction of a spline through the points. ``betas`` (n, couplings) [rad] is what the path's author
     says of the trailers, of which only the first row is used; ``steering`` (n, active) [rad] the wheels that the vehicle steers by itself.
+    ``names`` (n,) is what messages call the points.
     """
 
     points: FloatArray
     heading: FloatArray | None = None
     betas: FloatArray | None = None
     steering: FloatArray | None = None
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,35 +63,6 @@ class Followed:
     begins: float  # [m]
     ends: float
     apart: float | None  # None where it says nothing of them
-
-
-def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = None) -> GivenPath:
-    """Return the path in a CSV file with columns x, y and, if it has them, heading, beta1, ..., steering1, ...; as ``path.csv`` is written.
-
-    Columns lon, lat [deg] do as well, along a road whose plane has ``to_lonlat``.
-
-    Raises:
-        RoadError: as for ``read_columns``, or degrees along a road that has none.
-        OSError: the file cannot be read.
-
-    """
-    couplings = [f"beta{number}" for number in range(1, len(vehicle.units))]
-    steered = [f"steering{number}" for number in range(1, len(vehicle.active) + 1)]
-    columns = read_columns(path, ("x", "y"), "path", ("heading", *couplings, *steered), instead=("lon", "lat"))
-
-    def together(names: list[str]) -> FloatArray | None:
-        return np.column_stack([columns[name] for name in names]) if names and all(name in columns for name in names) else None
-
-    if "lon" not in columns:
-        points = np.column_stack([columns["x"], columns["y"]])
-    elif to_lonlat is None:
-        msg = f"path {path.name} is in degrees, and the road is not"
-        raise RoadError(msg, hint=_PLANE_HINT)
-    else:
-        degrees = np.column_stack([columns["lon"], columns["lat"]])
-        check_lonlat(degrees, f"path {path.name}")
-        points = IntoPlane(LONLAT, to_lonlat.plane)(degrees)
-    return GivenPath(points, columns.get("heading"), together(couplings), together(steered))
 
 
 def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: GivenPath, objective: Objective) -> Followed:
@@ -108,7 +79,7 @@ def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: Give
     _refuse_far(road.path, path.points)
     curve = _Curve.of(path, vehicle)
     line = road.path.extended(_ROOM_M + vehicle.reach_behind, curve.length + _ROOM_M)
-    (feet, offsets), step = _feet(line, road.path.length, curve.points), settings.step
+    (feet, offsets), step = _feet(line, road.path.length, curve), settings.step
     road = road.passing({number: _side(one, feet, offsets) for number, one in enumerate(road.passages)})
     begins, ends = max(0.0, float(feet[0])), step * np.ceil(road.path.length / step - _APART_M)
     if begins > _APART_M or feet[-1] < ends - _APART_M:
@@ -142,12 +113,15 @@ class _Curve:
     position: scipy.interpolate.CubicHermiteSpline
     betas: FloatArray | None
     steering: FloatArray
+    names: tuple[str, ...]  # of its points
 
     @classmethod
     def of(cls, path: GivenPath, vehicle: Vehicle) -> _Curve:
         """Return the curve through the points of a path."""
         own: BoolArray = np.append(True, np.hypot(*np.diff(path.points, axis=0).T) > _APART_M)
         points = path.points[own]
+        called = path.names or [f"its point {number + 1} ({x:.2f}, {y:.2f})" for number, (x, y) in enumerate(path.points.tolist())]
+        names = tuple(called[number] for number in np.flatnonzero(own))
         if len(points) < 2:  # noqa: PLR2004 - a line has two
             msg = "the path has fewer than two different points"
             raise RoadError(msg, hint=_HINT)
@@ -168,16 +142,18 @@ class _Curve:
         askew = np.flatnonzero((off > _ASKEW) & (length > _LONG_M))
         if askew.size:
             row = int(askew[0])
-            where = f"at its point {row + 1} ({points[row, 0]:.2f}, {points[row, 1]:.2f}) the path"
+            where = f"at {names[row]} the path"
             if path.heading is None:
                 msg = f"{where} turns too sharply for a curve through its points"
-                raise RoadError(msg, hint=_RECORDED)
+                usual, longest = float(np.median(length)), int(np.argmax(length))
+                gap = f"put its points evenly: most are {usual:.1f} m from the next one, {names[longest]} {length[longest]:.1f} m"
+                raise RoadError(msg, hint=gap if length[longest] > _UNEVEN * usual else _RECORDED)
             msg = f"{where} goes {np.degrees(off[row]):.0f} degrees off its heading"
             raise RoadError(msg, hint=f"{_HINT}; it does not slip, and goes forwards")
         arcs = length / np.sinc(0.5 * turn / np.pi)
         t = np.append(0.0, np.cumsum(arcs))
         position = scipy.interpolate.CubicHermiteSpline(t, points, np.column_stack([np.cos(heading), np.sin(heading)]))
-        return cls(t, points, position, None if path.betas is None else path.betas[own], steering)
+        return cls(t, points, position, None if path.betas is None else path.betas[own], steering, names)
 
     @property
     def length(self) -> float:
@@ -225,14 +201,14 @@ def _side(passage: Passage, feet: FloatArray, offsets: FloatArray) -> Side:
     return Side.LEFT if 2.0 * offset > passage.low + passage.high else Side.RIGHT
 
 
-def _feet(line: ReferencePath, length: float, points: FloatArray) -> FloatArray:
-    """Return arclengths, increasing, and offsets of the feet of points, (2, n) [m]; the first is sought along the whole road.
+def _feet(line: ReferencePath, length: float, curve: _Curve) -> FloatArray:
+    """Return arclengths, increasing, and offsets of the feet of a path's points, (2, n) [m]; the first is sought along the whole road.
 
     Raises:
         RoadError: they do not run forwards along the line.
 
     """
-    s = np.linspace(0.0, length, int(np.ceil(length)) + 1)
+    s, points = np.linspace(0.0, length, int(np.ceil(length)) + 1), curve.points
     there = line.at(s)
     ahead = np.arctan2(*(points[1] - points[0])[::-1])
     apart = np.hypot(there.x - points[0, 0], there.y - points[0, 1])
@@ -246,7 +222,7 @@ def _feet(line: ReferencePath, length: float, points: FloatArray) -> FloatArray:
     for number, (x, y) in enumerate(points):
         found = project_many(line, np.array([x]), np.array([y]), np.array([near + step]))
         if not np.isfinite(found[1, 0]) or abs(found[1, 0]) > _FAR_M or (number and found[0, 0] <= feet[0, number - 1]):
-            msg = f"at its point {number + 1} ({x:.2f}, {y:.2f}), near s = {near:.1f} m, the path does not go forwards along the road"
+            msg = f"at {curve.names[number]}, near s = {near:.1f} m, the path does not go forwards along the road"
             raise RoadError(msg, s_m=near, hint="it runs beside the road's line, in its direction")
         feet[:, number], near = found[:2, 0], float(found[0, 0])
         step = float(np.hypot(*(points[number + 1] - points[number]))) if number + 1 < len(points) else 0.0
@@ -264,7 +240,7 @@ def _refuse_far(line: ReferencePath, points: FloatArray) -> None:
     apart = float(np.min(np.hypot(there.x - points[0, 0], there.y - points[0, 1]))) if len(points) else 0.0
     if apart > _FAR_M:
         msg = f"the path begins {apart:.0f} m away from the road"
-        raise RoadError(msg, hint=f"{_PLANE_HINT}, or lon and lat")
+        raise RoadError(msg, hint=f"{PLANE_HINT}, or lon and lat")
 
 
 def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray) -> None:

@@ -79,7 +79,7 @@ def bias_named(text: str, limits: Limits | None) -> Bias:
 
 def _of_file(path: Path) -> Bias:
     try:
-        s, offset = read_columns(path, _COLUMNS, "bias file").values()
+        s, offset = read_columns(path, _COLUMNS, "bias file")[0].values()
         return Bias(s, offset)
     except (OSError, ValueError) as error:  # a name may have a zero byte
         msg = f"--bias {path} is neither a number of metres, {CENTRE!r}, nor a file that can be read"

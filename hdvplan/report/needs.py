@@ -39,7 +39,7 @@ def need_lines(need: Need) -> list[str]:
     """Return the answer in sentences, the most important first; each begins with its word."""
     lines = []
     if need.widenings is not None:
-        lines.append(_widening_line(need))
+        lines.append(_widening_line(need, need.widenings))
     vehicle = need.case.vehicle.name
     kept = f", {need.case.settings.clearance:.2f} m of clearance included" if need.case.settings.clearance > 0.0 else ""
     if need.room.result is not None and need.place is not None:
@@ -75,19 +75,19 @@ def _held_line(need: Need, vehicle: str) -> str:
     return f"{none}; one was found with the {other} edge {need.held.room:.2f} m off, decided {_place_text(need, need.place)}"
 
 
-def _widening_line(need: Need) -> str:
-    widenings, vehicle, clearance = need.widenings, need.case.vehicle.name, need.case.settings.clearance
-    assert widenings is not None  # noqa: S101 - for the type checker
+def _widening_line(need: Need, widenings: Widenings) -> str:
+    vehicle, clearance = need.case.vehicle.name, need.case.settings.clearance
     kept, included = (f" with {clearance:.2f} m of clearance", ", clearance included") if clearance > 0.0 else ("", "")
     if widenings.fitting is not None:
         return worded(YES, f"the {vehicle} fits within the road's own limits{kept}; {tracking_line(widenings.fitting)}")
+    lacking = worded(NO, f"the {vehicle} does not fit{kept}")
     if widenings.area is None or widenings.depth is None:
-        return worded(NO, f"the {vehicle} does not fit{kept}, and no widening of the road's own limits was found that would do{_why(need.room)}")
+        return f"{lacking}, and no widening of the road's own limits was found that would do{_why(need.room)}"
     area, depth = widenings.area, widenings.depth
     least = f"widening the road by {_area_text(area.area)} would do, {area.depth:.2f} m at the deepest{included}"
     other = "" if area.area == depth.area else f", or {_area_text(depth.area)} nowhere deeper than {depth.depth:.2f} m"
     stays = "; obstacles stay where they are" if any(region.kind is Kind.OBSTACLE for region in need.case.road.regions) else ""
-    return worded(NO, f"the {vehicle} does not fit{kept}; {least}{other}{stays}")
+    return f"{lacking}; {least}{other}{stays}"
 
 
 def _area_text(area: float) -> str:

@@ -77,8 +77,8 @@ def read_csv(text: str, name: str, *, crs: str | None = None, unit: str | None =
 
 def read_columns(
     path: Path, wanted: Sequence[str], what: str, optional: Sequence[str] = (), instead: Sequence[str] = ()
-) -> dict[str, FloatArray]:
-    """Return the ``wanted`` columns of a CSV file, and of ``optional`` ones those that it has; ``what`` the file is, is for the messages.
+) -> tuple[dict[str, FloatArray], list[int]]:
+    """Return the ``wanted`` columns of a CSV file and those ``optional`` ones that it has, and the lines of the rows; ``what`` is it?
 
     It is written as a road's may be, with its spellings and units in titles: ``x_mm`` and ``Easting [ft]`` are ``x``, in metres here.
     Where it has none of the ``wanted`` columns but all of those ``instead``, these are returned.
@@ -103,7 +103,8 @@ def read_columns(
             msg = f"{name}: column {title} occurs twice" if title in titles else f"{name} has no column {title!r}"
             raise RoadError(msg, hint=layout)
     at = {title: titles.index(title) for title in (*wanted, *optional) if title in titles}
-    return {title: metres_of(table.titles[at[title]]) * values for title, values in _numbers(table, at, name).values.items()}
+    columns = _numbers(table, at, name).values.items()
+    return {title: metres_of(table.titles[at[title]]) * values for title, values in columns}, table.lines
 
 
 def has_wkt(text: str) -> bool:

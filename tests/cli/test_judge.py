@@ -66,6 +66,24 @@ def test_a_path_in_degrees_is_judged_as_the_same_in_metres(cli: Cli) -> None:
         assert summary(name)["min_clearance_m"] == pytest.approx(summary("path")["min_clearance_m"], abs=_ROUNDING_M)
 
 
+def test_a_track_of_a_receiver_is_judged_along_a_road_in_degrees_and_its_gaps_are_named(cli: Cli) -> None:
+    lon = 11.95 + np.arange(0.0, 0.0014, 5e-5)
+    road = {"type": "Feature", "properties": {}, "geometry": {"type": "LineString", "coordinates": [[x, 57.7] for x in lon]}}
+    Path("road.geojson").write_text(json.dumps(road), encoding="utf-8")
+    gpx = '<gpx version="1.1" creator="g" xmlns="http://www.topografix.com/GPX/1/1">{}</gpx>'
+    track = "<trk><trkseg>{}</trkseg></trk>".format("".join(f'<trkpt lat="57.7" lon="{x}"/>' for x in lon))
+    Path("track.gpx").write_text(gpx.format(track), encoding="utf-8")
+    arguments = ("road.geojson", "--vehicle", "bus", "--half-width", "1.5", "--no-plot", "--out", "judged")
+    assert cli("judge", "track.gpx", *arguments).out.startswith(f"{YES}: 0.2")
+    Path("two.gpx").write_text(gpx.format(2 * track), encoding="utf-8")
+    assert "keep in the file the one line" in cli("judge", "two.gpx", *arguments).err
+    after_gap = [f"{x},{57.7 + 1e-5 * (number % 2)}" for number, x in enumerate(lon[lon > 11.9507])]
+    Path("gap.csv").write_text("\n".join(["# a track", "lon,lat", "11.95,57.7", *after_gap]), encoding="utf-8")
+    told = cli("judge", "gap.csv", *arguments).err
+    assert "at line 3 of gap.csv (lon 11.95, lat 57.7) the path turns too sharply" in told
+    assert "put its points evenly: most are 3.2 m from the next one, line 3 of gap.csv (lon 11.95, lat 57.7) 44.7 m" in told
+
+
 def test_a_path_round_a_closed_road_begins_where_the_road_does(cli: Cli) -> None:
     arguments = ("neubrandenburg_ring", "--vehicle", "bus", "--half-width", "2.8", "--no-plot")  # its ends are one place
     assert cli("plan", *arguments, "--out", "plan").code == 0
