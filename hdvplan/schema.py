@@ -20,7 +20,7 @@ import msgspec
 
 from hdvplan.errors import EntryError, OptionError
 from hdvplan.settings import any_of
-from hdvplan.texts import did_you_mean
+from hdvplan.texts import did_you_mean, meant_by
 
 Kind = TypeVar("Kind")
 _KINDS = {str: ["words in quotes"], float: ["a number"], int: ["a whole number"], bool: ["true", "false"], dict: ["a table"]}
@@ -178,12 +178,15 @@ def _refusal(kind: Any, table: Any, message: str, where: str, error: type[EntryE
     place = _PLACE.search(message)
     steps = _STEP.findall(place[1] if place else "")
     unknown, missing = _UNKNOWN.match(message), _MISSING.match(message)
+    top = list(get_type_hints(kind)) if steps else []
     for name, number in steps if unknown or missing else steps[:-1]:  # tables on the way to the entry
         kind, table = _within(get_type_hints(kind)[name], _is_table), table[name][int(number)] if number else table[name]
         where = f"{where}, {name} {int(number) + 1}" if number else f"{where}, {name}"
     known = list(get_type_hints(kind))
     if unknown:
-        hint = did_you_mean(unknown[1], known, f"known entries: {', '.join(known)}")
+        above = [] if meant_by(unknown[1], known) else meant_by(unknown[1], top)
+        listed = f"write {above[0]} at the top of the file, before all [tables]" if above else f"known entries: {', '.join(known)}"
+        hint = did_you_mean(unknown[1], known, listed)
         return error(f"{where}: unknown entry {unknown[1]!r}", field=unknown[1], hint=hint)
     if missing:
         return error(f"{where}: {missing[1]} is missing", field=missing[1], hint=f"known entries: {', '.join(known)}")

@@ -30,6 +30,13 @@ def test_the_shortest_study_plans_as_plan_does_without_options() -> None:
     assert cell.reading.max_curvature == 1.25 * cell.variant.vehicle.max_curvature
 
 
+@pytest.mark.parametrize("name", ["half_width", "half_widths", "objective"])
+def test_an_entry_of_the_study_among_its_settings_is_sent_to_the_top_of_the_file(name: str) -> None:
+    with pytest.raises(OptionError, match=rf"settings: unknown entry '{name}'") as raised:
+        study_of(BASE | {"settings": {name: 3.0}})
+    assert raised.value.hint == f"write {name.removesuffix('s')}s at the top of the file, before all [tables]"
+
+
 def test_roads_are_files_globs_folders_shipped_names_and_lines_of_files(folder: Path) -> None:
     (folder / "lines").mkdir()
     for name in ("b", "a"):
