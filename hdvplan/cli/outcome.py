@@ -134,7 +134,7 @@ def compare(results: list[Result], directory: Path, *, picture: bool, as_json: b
 def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     """Warn of what a driver would find too much and, where a vehicle does not fit, of the places that the fit check calls too narrow."""
     from hdvplan.judging.envelope import steering_of, steering_texts
-    from hdvplan.judging.fit import finding_text
+    from hdvplan.judging.fit import finding_text, folded_text
     from hdvplan.judging.result import attempts_text, solver_texts
 
     for text in solver_texts(result):
@@ -144,6 +144,9 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     for text in steering_texts(result.drive, steering_of(result.drive)):
         warn(text, quiet=quiet)
     findings = () if verdict.fits else result.fit.findings
+    folded = folded_text(result.drive.road, findings)
+    if folded is not None:
+        warn(folded, quiet=quiet)
     for finding in findings[:_MOST_WARNINGS]:
         warn(finding_text(finding, result.drive.vehicle.name), quiet=quiet)
     if len(findings) > _MOST_WARNINGS:

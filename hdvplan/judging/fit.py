@@ -184,6 +184,18 @@ def finding_text(finding: Finding, vehicle: str) -> str:
     return f"too tight for the {vehicle} {place}: no balanced circle is this tight"
 
 
+def folded_text(road: Road, findings: tuple[Finding, ...]) -> str | None:
+    """Return what to say of limits that come far nearer to each other than the road's widths are: its line lies elsewhere than they do."""
+    if road.limits is None or road.regions:
+        return None
+    least = 0.5 * float(np.min(np.subtract(*road.limits.table(road.limits.s)[2:])))
+    folded = next((one for one in findings if one.trouble is Trouble.WIDTH and one.available < least), None)
+    if folded is None:
+        return None
+    place = f"at s = {folded.s_worst:.1f} m the limits, which count from the road's points, lie beside the smoothed line"
+    return f"{place}: try --corners sharp or round, or draw the edges"
+
+
 def finding_json(finding: Finding) -> dict[str, object]:
     """Return a finding under the names that other programs read."""
     return {
