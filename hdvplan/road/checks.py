@@ -156,17 +156,23 @@ def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str
             raise RoadError(msg, hint="correct or remove the point that is wrong; on a long straight, add points between")
 
 
-def refuse_sparse(points: FloatArray, name: str, long: float) -> None:
+def refuse_length(points: FloatArray, name: str, long: float, given: str | None = None) -> None:
     """Refuse a line, shape (n, 2) [m], longer than ``long`` with fewer than one point a kilometre: it would lead straight across a country.
+
+    Where the option ``given``, such as ``--unit mm``, says what its coordinates are, one that is shorter than any road is refused as well.
 
     Raises:
         RoadError: such a line.
 
     """
-    length = float(np.sum(np.hypot(*np.diff(points, axis=0).T)))
+    length = _length_of([points])
+    right = "are its coordinates right?" if given is None else f"are its coordinates as {given} says?"
     if length > max(long, SPARSE_M * len(points)):
         msg = f"{name}: the line is {length / 1e3:.0f} km long, but has only {len(points)} points"
-        raise RoadError(msg, hint=f"a line of more than {long / 1e3:.0f} km needs one a kilometre; are its coordinates right?")
+        raise RoadError(msg, hint=f"a line of more than {long / 1e3:.0f} km needs one a kilometre; {right}")
+    if given is not None and 0.0 < length < MIN_LENGTH_M:
+        msg = f"{name}: with {given} the road is {length:.2g} m long; at least {MIN_LENGTH_M:g} m are needed"
+        raise RoadError(msg, hint=f"{right} longitude and latitude need no option")
 
 
 @dataclass(frozen=True)
@@ -222,12 +228,15 @@ def refuse_no_street(
         for part in parts:
             refuse_outliers(part, lines, name)  # one wrong point is no wrong unit
         msg = f"{name} {unit.words}, and {'in these' if unit.code in _CODES else 'in metres'} {odd}, as of no street"
-        raise RoadError(msg, hint=f"say its unit: --unit {any_of(list(METRES))}")
+        length = _length_of(parts) / unit.metres
+        usual = [one for one, metres in METRES.items() if MIN_LENGTH_M <= metres * length <= _LONGEST_M]
+        kilometres = "no --unit makes it a road: if these are kilometres, write them in metres"
+        raise RoadError(msg, hint=f"say its unit: --unit {any_of(usual)}" if usual else kilometres)
 
 
 def _oddity(parts: Sequence[FloatArray], reaches: FloatArray | None, edges: Sequence[FloatArray], *, drawn: bool) -> str | None:
     """Return what no street has, None of what may be one."""
-    length, steps = sum(float(np.sum(np.hypot(*np.diff(part, axis=0).T))) for part in parts), sum(len(part) - 1 for part in parts)
+    length, steps = _length_of(parts), sum(len(part) - 1 for part in parts)
     if length > 0.0 and not MIN_LENGTH_M <= length <= _LONGEST_M:  # nothing is short in any unit
         return f"its line is {_told(length)} long"
     if length > SPARSE_M * steps and (drawn or steps > 1):
@@ -249,3 +258,7 @@ def _oddity(parts: Sequence[FloatArray], reaches: FloatArray | None, edges: Sequ
 
 def _told(length: float) -> str:
     return f"{length / 1e3:.4g} km" if length >= 1e3 else f"{length:.3g} m"  # noqa: PLR2004 - of a kilometre
+
+
+def _length_of(parts: Sequence[FloatArray]) -> float:
+    return sum(float(np.sum(np.hypot(*np.diff(part, axis=0).T))) for part in parts)

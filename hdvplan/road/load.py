@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from hdvplan.errors import RoadError
-from hdvplan.road.checks import refuse_far, refuse_outliers, refuse_sparse, refuse_unreadable, text_of
+from hdvplan.road.checks import refuse_far, refuse_length, refuse_outliers, refuse_unreadable, text_of
 from hdvplan.road.features import Choice, refuse_unheeded, roles_of
 from hdvplan.road.line import LONG_M, Line, RawRoad, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
@@ -122,7 +122,8 @@ def _read(path: Path, options: RoadOptions) -> RawRoad:
     if not raw.is_profile:
         refuse_far(raw.points, path.name)
         refuse_outliers(raw.points, raw.lines, path.name)
-        refuse_sparse(raw.points, path.name, LONG_M)
+        named = ((name, getattr(options, name)) for name in ("crs", "unit") if not raw.legs)
+        refuse_length(raw.points, path.name, LONG_M, next((f"--{name} {value}" for name, value in named if value is not None), None))
     return raw
 
 
