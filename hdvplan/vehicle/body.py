@@ -13,6 +13,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.errors import OptionError
 from hdvplan.vehicle.model import Vehicle
 
 POINTS_PER_EDGE = core.number("HDV_POINTS_PER_EDGE")
@@ -32,8 +33,16 @@ def auxiliary_ahead(vehicle: Vehicle, axle: int) -> float:
     """Return how far the auxiliary axle lies ahead of the lead rear axle on a straight [m].
 
     ``axle`` is the number of its unit (from 0, or -1 for the last); of the lead unit it is the front axle.
+
+    Raises:
+        OptionError: the vehicle has no such unit.
+
     """
-    return vehicle.lead.wheelbase if axle % len(vehicle.units) == 0 else -float(axles_behind(vehicle)[axle])
+    units = range(len(vehicle.units))
+    if axle != -1 and axle not in units:
+        msg = f"axle {axle}: the vehicle has unit{'s' if units[1:] else ''} {' and '.join(map(str, units))}"
+        raise OptionError(msg, hint="-1 is the last")
+    return vehicle.lead.wheelbase if units[axle] == 0 else -float(axles_behind(vehicle)[axle])
 
 
 def edge_points(vehicle: Vehicle) -> Records:

@@ -18,6 +18,7 @@ from hdvplan.cli.app import run
 from hdvplan.errors import OptionError
 from hdvplan.planning.objectives import Goal, geometric
 from hdvplan.planning.stations import Stations
+from hdvplan.planning.terms.balance import EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
 from hdvplan.vehicle.model import Vehicle
@@ -120,3 +121,23 @@ def test_coefficients_of_too_few_stations_are_refused() -> None:
         hdvplan.plan(replace(CASE, objective=with_term(Centring(Residual(short, short, short)))))
     with pytest.raises(OptionError, match=r"not \(\), \(\), \(\)"):
         hdvplan.plan(replace(CASE, objective=with_term(Centring(Residual(1.0, 0.0, 0.0)))))  # type: ignore[arg-type] # what people write
+
+
+@pytest.mark.parametrize("bias", [None, 0.1])  # a biased residual looks at the axle's place before the program does
+@pytest.mark.parametrize("axle", [-2, 2, 1.5])
+def test_an_axle_that_the_vehicle_does_not_have_is_refused(axle: float, bias: float | None) -> None:
+    def objective(stations: Stations, vehicle: Vehicle) -> Goal:
+        residual = Residual(stations.centring.lead, stations.centring.aux, stations.centring.target, axle)  # type: ignore[arg-type]
+        return Goal((Centring(residual if bias is None else residual.about(stations, vehicle)),))
+
+    with pytest.raises(OptionError, match=rf"axle {axle}: the vehicle has units 0 and 1"):
+        hdvplan.plan(replace(CASE, objective=objective))
+
+
+def test_an_aim_that_is_no_number_is_refused() -> None:
+    def objective(stations: Stations, vehicle: Vehicle) -> Goal:  # noqa: ARG001 - every objective receives both
+        own = stations.centring
+        return Goal((EnvelopeBalance(Residual(own.lead, own.aux, own.target), np.nan * stations.bias),))
+
+    with pytest.raises(OptionError, match="the aim of a balance is not finite"):
+        hdvplan.plan(replace(CASE, objective=objective))

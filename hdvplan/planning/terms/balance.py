@@ -14,6 +14,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
+from hdvplan.errors import OptionError
 from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
 from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
 from hdvplan.vehicle.body import axles_behind
@@ -51,6 +52,9 @@ class EnvelopeBalance(Term):
     def part(self, scene: Scene, columns: Columns) -> BalancePart:
         """Return the term as part of the program: see ``Term``."""
         vehicle, stations, stages = scene.vehicle, scene.stations, scene.settings.stages
+        if not np.all(np.isfinite(self.aim)):
+            msg = "the aim of a balance is not finite"
+            raise OptionError(msg, hint="it has one length a station [m]")
         before = int(np.ceil(vehicle.reach_behind / stations.step)) + _ROOM
         after = int(np.ceil(vehicle.reach_ahead / stations.step)) + _ROOM
         swept = min(stages - before, int(min(self.ahead / stations.step, stages)) + after)

@@ -67,10 +67,11 @@ class Centring(Term):
             shapes = ", ".join(map(str, found))
             msg = f"a residual has one coefficient a station, in arrays of shape ({count},), not {shapes}"
             raise OptionError(msg)
+        ahead = auxiliary_ahead(vehicle, residual.axle)
         unit, stages = residual.axle % len(vehicle.units), scene.settings.stages + 1
         coefficients, memory, weights = np.zeros(len(residual.lead), COEFFICIENTS), np.zeros(scene.capacity, _MEMORY), np.ones(stages)
         coefficients["lead"], coefficients["aux"], coefficients["target"] = residual.lead, residual.aux, residual.target
-        axle = (unit, vehicle.lead.wheelbase if unit == 0 else 0.0, auxiliary_ahead(vehicle, unit))
+        axle = (unit, vehicle.lead.wheelbase if unit == 0 else 0.0, ahead)
         arrays = (scene.stations.path.record, coefficients, weights, memory)
         data = np.array([(*axle, *map(core.address, arrays))], _DATA)
         return CentringPart(scene, _FUNCTIONS, data, coefficients, weights, memory, memory=(by_stage(memory),))
