@@ -65,7 +65,7 @@ def _recorded() -> tuple[Recorded, ...]:
     for vehicle, half_width in _COURSES:
         road = SCENARIOS["uturn"]()
         limited = replace(road, limits=None) if half_width is None else road.with_limits(half_width, half_width)
-        programs = record(Case(limited, load_vehicle(vehicle), settings=PlannerSettings(horizon=_HORIZON_M)))
+        programs = record(Case(limited, load_vehicle(vehicle), settings=PlannerSettings(horizon=_HORIZON_M))).programs
         for role in LIMITS:
             alike = [each for each in programs if each.limits == role]
             found += alike[:: max(1, len(alike) // _EACH)][:_EACH]

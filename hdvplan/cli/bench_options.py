@@ -140,7 +140,7 @@ class BenchFiles:
         str | None,
         Setting("Draw the run [default file: DIR/bench.png]: png, pdf, svg.", "[FILE]"),
     ] = None
-    export_qps: Annotated[Path | None, Setting("Measure nothing: write the QPs of all drives as a test set for solvers.", "DIR")] = None
+    export_qps: Annotated[Path | None, Setting("Measure nothing: write the QPs of the drives of the first of --solvers.", "DIR")] = None
     qp_format: Annotated[
         str, Setting("Of --export-qps: matrices, dense or sparse, or stages.", choices=("qpbenchmark", "npz", "acados"))
     ] = "qpbenchmark"

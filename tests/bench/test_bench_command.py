@@ -317,3 +317,26 @@ def test_a_baseline_that_cannot_be_read_is_told_before_anything_is_measured(cli:
     assert (outcome.code, outcome.out) == (2, "")
     assert "counters none.csv cannot be read" in outcome.err
     assert not (tmp_path / "out").exists()
+
+
+TIRED = """
+from hdvplan.solvers.riccati import RiccatiWorkspace
+
+class Tired(RiccatiWorkspace):
+    def solve(self, qp, guess):
+        raise RuntimeError("tired")
+"""
+
+
+@pytest.mark.parametrize(("solver", "code"), [("tired.py:Tired", 1), ("riccati", 0)])
+def test_exported_programs_are_counted_and_a_drive_that_ended_early_is_told(
+    cli: Cli, tmp_path: Path, short_road: str, solver: str, code: int
+) -> None:
+    (tmp_path / "tired.py").write_text(TIRED, encoding="utf-8")
+    words = ("--vehicles", "bus", "--schemes", "rti", "--solvers", solver, "--export-qps", "qps", "--qp-format", "npz")
+    outcome = cli("bench", "--roads", short_road, *words)
+    (drive,) = json.loads((tmp_path / "qps" / "manifest.json").read_text(encoding="utf-8"))["sequences"]
+    count, ended = len(drive["programs"]), drive["ended"]
+    told = f"warning: {drive['name']} ended early, after {count} QPs: {ended}\n" if code else ""
+    assert (outcome.code, outcome.err) == (code, f"wrote qps/, QPs: {count}, drives: 1\n{told}")
+    assert (ended is not None) == bool(code) == (count < 2)

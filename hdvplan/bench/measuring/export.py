@@ -13,7 +13,8 @@ The first two state minimise 1/2 x'Px + q'x subject to G x <= h, A x = b, lb <= 
 
 Where limits can be kept rows are hard there; where they cannot, every row has an elastic column. In stages every row has its slack.
 ``manifest.json`` names all programs in their order, with ``shift``, the stations that the horizon moved on since the program before, and
-by how much the solution breaks its program's optimality conditions, which is 1e-10 at most of the largest multiplier.
+by how much the solution breaks its program's optimality conditions, which is 1e-10 at most of the largest multiplier; ``ended`` is why
+a drive ended early, else null.
 """
 
 from __future__ import annotations
@@ -71,10 +72,10 @@ def cases_to_export(suite: Suite) -> list[Case]:
     ]
 
 
-def export(cases: Sequence[Case], directory: Path, form: str = "qpbenchmark", most: int | None = None) -> list[str]:
-    """Record the programs of every case's drive, at most ``most`` each, and write them into ``directory``; return the sequences' names.
+def export(cases: Sequence[Case], directory: Path, form: str = "qpbenchmark", most: int | None = None) -> list[dict[str, Any]]:
+    """Record the programs of every case's drive, at most ``most`` each, and write them into ``directory``.
 
-    ``form`` is one of ``FORMATS``.
+    ``form`` is one of ``FORMATS``. Returned are the sequences as the manifest has them.
 
     Raises:
         OptionError: no such format, or pyarrow is not installed, which qpbenchmark's needs.
@@ -85,18 +86,19 @@ def export(cases: Sequence[Case], directory: Path, form: str = "qpbenchmark", mo
         msg = f"no format of QPs is called {form!r}"
         raise OptionError(msg, hint=f"formats: {', '.join(FORMATS)}")
     directory.mkdir(parents=True, exist_ok=True)
-    sequences = []
+    sequences: list[dict[str, Any]] = []
     for case in cases:
         name = f"{Path(case.road.name).name}.{case.vehicle.name}.{case.settings.scheme}"
-        found = [_Solved(f"{name}.{at:04d}", one, _exact(one.qp)) for at, one in enumerate(record(case, most))]
+        programs, early = record(case, most)
+        found = [_Solved(f"{name}.{at:04d}", one, _exact(one.qp)) for at, one in enumerate(programs)]
         FORMATS[form](directory, name, found)
         settings = {"horizon_m": case.settings.horizon, "step_m": case.settings.step, "scheme": str(case.settings.scheme)}
-        entry = {"name": name, "road": case.road.name, "vehicle": case.vehicle.name} | settings
+        entry = {"name": name, "road": case.road.name, "vehicle": case.vehicle.name, "ended": early} | settings
         sequences.append(entry | {"programs": [_listed(one, before) for before, one in zip([None, *found], found, strict=False)]})
     manifest = {"format": form, "licence": LICENCE, "sequences": sequences}
     write_atomically(directory / "manifest.json", json_bytes(manifest))
     write_atomically(directory / "run.json", json_bytes(record_of(cases)))
-    return [str(entry["name"]) for entry in sequences]
+    return sequences
 
 
 def _exact(qp: StageQp) -> StageSolution:

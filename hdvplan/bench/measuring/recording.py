@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from time import perf_counter, process_time
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,8 +50,15 @@ class Recorded:
         return "binding" if np.any(self.point.rows > ACTIVE) else "inactive"
 
 
-def record(case: Case, most: int | None = None) -> list[Recorded]:
-    """Return the programs of a case's drive in their order, at most the first ``most``; one that ends early has those until there.
+class Recording(NamedTuple):
+    """The programs of a drive in their order, and why it ended early; None where it did not."""
+
+    programs: list[Recorded]
+    ended: str | None
+
+
+def record(case: Case, most: int | None = None) -> Recording:
+    """Return the programs of a case's drive, at most the first ``most``.
 
     Raises:
         OptionError: no such objective.
@@ -69,9 +76,14 @@ def record(case: Case, most: int | None = None) -> list[Recorded]:
 
     objective_named(case.objective)  # one that nobody knows is no end of a drive
     recorder = _Recorder(solver_named(case.solver), wanted, limited=case.road.street is not None)
-    with suppress(_EnoughError, HdvplanError):
+    ended = None
+    try:
         _drive(case, recorder, note)
-    return recorder.found
+    except _EnoughError:
+        pass
+    except HdvplanError as error:
+        ended = str(error)
+    return Recording(recorder.found, ended)
 
 
 class _EnoughError(Exception):
