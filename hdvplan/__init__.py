@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hdvplan.api import prove as prove
     from hdvplan.api import solver as solver
     from hdvplan.case import Case as Case
-    from hdvplan.driving.followed import GivenPath as GivenPath
+    from hdvplan.driving.given import GivenPath as GivenPath
     from hdvplan.errors import HdvplanError as HdvplanError
     from hdvplan.finer import clearest as clearest
     from hdvplan.finer import replanned as replanned
@@ -61,7 +61,7 @@ _HOMES = {
     "Bias": "hdvplan.planning.bias",
     "Case": "hdvplan.case",
     "HdvplanError": "hdvplan.errors",
-    "GivenPath": "hdvplan.driving.followed",
+    "GivenPath": "hdvplan.driving.given",
     "Leg": "hdvplan.road.legs",
     "Legs": "hdvplan.road.legs",
     "LegsResult": "hdvplan.judging.legs",

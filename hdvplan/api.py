@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, driven, ready
-from hdvplan.driving.followed import Followed, GivenPath, followed
+from hdvplan.driving.followed import Followed, followed
+from hdvplan.driving.given import GivenPath
 from hdvplan.errors import PlanError
 from hdvplan.judging.result import Result, result_of
 from hdvplan.passing.sides import choose_sides

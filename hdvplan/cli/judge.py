@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
-from hdvplan.cli.console import ExitCode, note, progress, report_error, writing
+from hdvplan.cli.console import ExitCode, note, progress, report_error, warn, writing
 from hdvplan.cli.help import LOOP, OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
 from hdvplan.cli.outcome import exit_code_of, looked_again, tell, write
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hdvplan.judging.result import Result
     from hdvplan.loop.closed import ClosedLoop
 
+_APART = 0.1  # between a path's articulations and the vehicle's, from which on they are not rounding [rad]
 _JUDGED = ("clearance", "tracking_error", "tracking_length")
 
 
@@ -56,7 +57,9 @@ def judge(
     """Judge a path of your own, of whatever planner, in the street of a road.
 
     The middle of the lead unit's rear axle follows PATH.csv exactly; its trailers are simulated. x and y are in the plane of the road's
-    path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. Smooth a track that was recorded first.
+    path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. beta1 is the
+    lead unit's heading less the first trailer's. Columns in degrees are called heading_deg, beta1_deg. Smooth a track that was recorded first.
+
     Prints and writes what `hdvplan plan` does. Over each metre the path may turn more tightly than the vehicle by 1 % and 0.002 1/m, which
     rounded points do.
 
@@ -82,7 +85,7 @@ def judge(
         raise RoadError(msg, hint="judge along a shorter part of it")
     from hdvplan import api
     from hdvplan.case import Case
-    from hdvplan.driving.given_path import read_given_path
+    from hdvplan.driving.given import read_given_path
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.result import result_of
     from hdvplan.loop.closed import loop_json, loop_text
@@ -97,6 +100,8 @@ def judge(
     except OSError as error:
         msg = f"{path} cannot be read: {error.strerror or 'there is no such file'}"
         raise RoadError(msg) from error
+    for text in given.notes:
+        note(text, quiet=quiet)
     track = smoothed(found, road, quiet=quiet)
     track = track if reaches is None else track.with_limits(*reaches)
     check_fits(track, driven, reaches)
@@ -109,6 +114,8 @@ def judge(
         note(f"{words}; arclengths count from its beginning" if along.begins > 0.0 else words, quiet=quiet)
     if along.apart is not None:
         note(f"articulations come within {along.apart:.4f} rad of those in {path.name}", quiet=quiet)
+        if along.apart > _APART:
+            warn("that is far: is their unit or sign another? beta1 is the lead unit's heading less the trailer's [rad]", quiet=quiet)
     result = looked_again(result, proof=options.proof, refine=False, quiet=quiet)
     directory = output.out or Path(f"{file_name(path.stem)}.{file_name(track.name)}.{file_name(driven.name)}")
     runs = None if loop is None else _looped(result, loop, driving, quiet=quiet)

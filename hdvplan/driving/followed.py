@@ -10,12 +10,14 @@ import scipy  # its subpackages load when they are first used
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import POSE_SPACING_M, Drive, simulate
+from hdvplan.driving.given import PLANE_HINT, GivenPath
 from hdvplan.driving.start import start_of
-from hdvplan.errors import PlanError, RoadError
+from hdvplan.errors import OptionError, PlanError, RoadError
 from hdvplan.planning.objectives import Objective
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.road.arcs import wrapped
+from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.passages import Passage
 from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.regions import Side
@@ -33,26 +35,9 @@ _ROUNDED = 2e-3  # curvature [1/m] by which it may be exceeded
 _SAME_M = 0.05  # two places of a road are one
 _NEWTON = 4  # steps; the first guess is between points that are at most some metres apart
 _FORWARD = 0.05  # cosine of the angle to the line, at least
-PLANE_HINT = "its x and y are in the plane of the road's path, as in the path.csv that `hdvplan plan` writes"
 _HINT = "x and y are the middle of the lead unit's rear axle, heading its direction [rad, counter-clockwise from x]"
 _UNEVEN = 5.0  # times as far apart as most points: a curve through both swings
 _RECORDED = "near points count to the millimetre: smooth a track that was recorded, thin it, or plan along it as a road"
-
-
-@dataclass(frozen=True)
-class GivenPath:
-    """Where the lead unit's rear axle is driven: points and headings, (n, 2) [m] and (n,) [rad], in the plane of the road's path.
-
-    ``heading`` is None where it is the direction of a spline through the points. ``betas`` (n, couplings) [rad] is what the path's author
-    says of the trailers, of which only the first row is used; ``steering`` (n, active) [rad] the wheels that the vehicle steers by itself.
-    ``names`` (n,) is what messages call the points.
-    """
-
-    points: FloatArray
-    heading: FloatArray | None = None
-    betas: FloatArray | None = None
-    steering: FloatArray | None = None
-    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -118,6 +103,10 @@ class _Curve:
     @classmethod
     def of(cls, path: GivenPath, vehicle: Vehicle) -> _Curve:
         """Return the curve through the points of a path."""
+        for name, angles, count in (("betas", path.betas, len(vehicle.units) - 1), ("steering", path.steering, len(vehicle.active))):
+            if angles is not None and angles.shape[1] != count:
+                msg = f"{name} have {angles.shape[1]} columns, the {vehicle.name} {count}"
+                raise OptionError(msg)
         own: BoolArray = np.append(True, np.hypot(*np.diff(path.points, axis=0).T) > _APART_M)
         points = path.points[own]
         called = path.names or [f"its point {number + 1} ({x:.2f}, {y:.2f})" for number, (x, y) in enumerate(path.points.tolist())]
@@ -240,7 +229,7 @@ def _refuse_far(line: ReferencePath, points: FloatArray) -> None:
     apart = float(np.min(np.hypot(there.x - points[0, 0], there.y - points[0, 1]))) if len(points) else 0.0
     if apart > _FAR_M:
         msg = f"the path begins {apart:.0f} m away from the road"
-        raise RoadError(msg, hint=f"{PLANE_HINT}, or lon and lat")
+        raise RoadError(msg, hint=f"{PLANE_HINT}; {ELSEWHERE_HINT}")
 
 
 def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray) -> None:

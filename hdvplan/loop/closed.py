@@ -11,7 +11,7 @@ import pandas as pd
 from hdvplan import api
 from hdvplan.answers import word_of, worded
 from hdvplan.arrays import FloatArray
-from hdvplan.driving.followed import GivenPath
+from hdvplan.driving.given import GivenPath
 from hdvplan.errors import HdvplanError, RoadError
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import Verdict, verdict_of

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import unicodedata
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from hdvplan.errors import RoadError
@@ -35,6 +37,8 @@ _ONLY_TOGETHER = {("e", "n"): ("x", "y"), ("lange", "breite"): ("lon", "lat"), (
 # Which may say their unit; without it they have that of the position.
 LENGTHS = {"x", "y", "s", "left", "right", "width", "left_sweep", "right_sweep"}
 _UNITS = {**{unit: unit for unit in METRES}, "feet": "ft", "foot": "ft", "inch": "in", "inches": "in"}
+_HEADINGS = {"yaw", "psi", "theta"}  # of a path, beside heading
+_ANGLES = {"rad": 1.0, **dict.fromkeys(("deg", "degrees", "°"), math.pi / 180.0)}
 _LIKELY = 0.9  # similarity of a misspelt name
 _POSITIONS = (("x", "y"), ("lon", "lat"), ("s", "kappa"))
 _PAIRS = (*_POSITIONS, ("left", "right"), ("left_sweep", "right_sweep"))
@@ -93,6 +97,21 @@ def metres_of(title: str) -> float:
     return METRES[_named(title)[1] or "m"]
 
 
+def named_among(title: str, known: Collection[str], angles: Collection[str]) -> tuple[str, float]:
+    """Return a column's name, one of the ``known`` and of ``angles`` if it is a spelling of one, and its unit in metres or radians.
+
+    ``Yaw [deg]`` and ``heading_deg`` are ``heading`` in degrees; an angle without a unit is in radians.
+    """
+    name, own = folded(title), meaning_of(title) or ""
+    base, _, suffix = name.rpartition("_")
+    bracket = re.search(r"[\[(]\s*(\w+|°)", title)
+    angle, unit = (base, suffix) if suffix in _ANGLES else (name, bracket[1].casefold() if bracket else "")
+    angle = "heading" if angle in _HEADINGS else angle
+    if angle in angles:
+        return angle, _ANGLES.get(unit, 1.0)
+    return own if own in known else name.removesuffix("_m"), metres_of(title)
+
+
 def columns_of(titles: list[str], where: str) -> Columns:
     """Return what the columns called ``titles`` are; ``where`` begins the messages.
 
@@ -140,14 +159,14 @@ def _contradiction(where: str, one: str, other: str) -> RoadError:
     return RoadError(f"{where}: columns {one} and {other} contradict each other", hint=LAYOUTS)
 
 
-def unread_note(columns: Columns, name: str) -> tuple[str, ...]:
+def unread_note(unread: Sequence[str], name: str) -> tuple[str, ...]:
     """Return a note on the columns that are not read, none without any; with what a misspelt one may have meant."""
-    if not columns.unread:
+    if not unread:
         return ()
-    near = [(title, difflib.get_close_matches(folded(title), _MEANINGS, n=1, cutoff=_LIKELY)) for title in columns.unread[:20]]
+    near = [(title, difflib.get_close_matches(folded(title), _MEANINGS, n=1, cutoff=_LIKELY)) for title in unread[:20]]
     meant = "".join(f"; did you mean {match[0]} by {title}?" for title, match in near if match)
-    several = "columns" if len(columns.unread) > 1 else "column"
-    return (f"{name}: {several} {', '.join(columns.unread)[:200]} not read{meant}",)
+    several = "columns" if len(unread) > 1 else "column"
+    return (f"{name}: {several} {', '.join(unread)[:200]} not read{meant}",)
 
 
 def _named(title: str) -> tuple[str, str | None]:

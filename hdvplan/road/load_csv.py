@@ -13,7 +13,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
 from hdvplan.road.checks import LARGEST_M, Unit, refuse_no_street, refuse_unreadable, text_of
-from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, folded, has_geometry, is_header, meaning_of, metres_of, unread_note
+from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, has_geometry, is_header, named_among, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import unheeded
 from hdvplan.road.leg_lines import in_legs, signs_in
@@ -76,11 +76,13 @@ def read_csv(text: str, name: str, *, crs: str | None = None, unit: str | None =
 
 
 def read_columns(
-    path: Path, wanted: Sequence[str], what: str, optional: Sequence[str] = (), instead: Sequence[str] = ()
-) -> tuple[dict[str, FloatArray], list[int]]:
-    """Return the ``wanted`` columns of a CSV file and those ``optional`` ones that it has, and the lines of the rows; ``what`` is it?
+    path: Path, wanted: Sequence[str], what: str, angles: Sequence[str] = (), instead: Sequence[str] = ()
+) -> tuple[dict[str, FloatArray], list[str], list[int]]:
+    """Return the ``wanted`` columns of a CSV file [m], its ``angles`` [rad], the titles of all others, and the rows' lines.
 
-    It is written as a road's may be, with its spellings and units in titles: ``x_mm`` and ``Easting [ft]`` are ``x``, in metres here.
+    Messages call the file ``what``.
+
+    It is written as a road's may be, with its spellings and units in titles: ``x_mm``, ``Easting [ft]``, ``beta1_deg``.
     Where it has none of the ``wanted`` columns but all of those ``instead``, these are returned.
 
     Raises:
@@ -94,17 +96,16 @@ def read_columns(
     name = f"{what} {path.name}"
     layout = f"its header is {','.join(wanted)}"
     table = _table(text_of(path, what), name, layout)
-    known = {*wanted, *instead}
-    titles = [own if (own := meaning_of(title) or "") in known else folded(title).removesuffix("_m") for title in table.titles]
+    titles, units = zip(*(named_among(title, {*wanted, *instead}, angles) for title in table.titles), strict=True)
     if instead and not set(wanted) & set(titles) and set(instead) <= set(titles):
         wanted = instead
-    for title in (*wanted, *optional):
+    for title in (*wanted, *angles):
         if titles.count(title) > 1 or (title in wanted and title not in titles):
             msg = f"{name}: column {title} occurs twice" if title in titles else f"{name} has no column {title!r}"
             raise RoadError(msg, hint=layout)
-    at = {title: titles.index(title) for title in (*wanted, *optional) if title in titles}
-    columns = _numbers(table, at, name).values.items()
-    return {title: metres_of(table.titles[at[title]]) * values for title, values in columns}, table.lines
+    at = {title: titles.index(title) for title in (*wanted, *angles) if title in titles}
+    unread = [title for number, title in enumerate(table.titles) if title and number not in at.values()]
+    return {title: units[at[title]] * values for title, values in _numbers(table, at, name).values.items()}, unread, table.lines
 
 
 def has_wkt(text: str) -> bool:
@@ -142,7 +143,7 @@ def _line_in(table: Table, name: str, *, crs: str | None, unit: str | None) -> R
     if len(points) < 2:  # noqa: PLR2004
         msg = f"{name}: a road needs at least two points, this one has {len(points)}"
         raise RoadError(msg)
-    raw = RawRoad(points, _reaches(numbers), lines=tuple(table.lines), notes=unread_note(columns, name))
+    raw = RawRoad(points, _reaches(numbers), lines=tuple(table.lines), notes=unread_note(columns.unread, name))
     if bends:
         s, kappa = points.T
         numbers.refuse("s", np.diff(s, prepend=-np.inf) <= 0.0, "{:g} m does not exceed the {:g} m before it", s, np.roll(s, 1))

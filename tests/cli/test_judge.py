@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,8 +16,8 @@ import hdvplan
 from hdvplan.answers import YES
 from hdvplan.api import follow
 from hdvplan.arrays import FloatArray
-from hdvplan.driving.followed import GivenPath
-from hdvplan.errors import PlanError, RoadError
+from hdvplan.driving.given import GivenPath
+from hdvplan.errors import OptionError, PlanError, RoadError
 from tests.cli.conftest import Cli
 
 _ROUNDING_M = 1e-3  # of path.csv's numbers, and of arcs of 0.25 m for a curvature that changes
@@ -84,6 +86,18 @@ def test_a_track_of_a_receiver_is_judged_along_a_road_in_degrees_and_its_gaps_ar
     assert "put its points evenly: most are 3.2 m from the next one, line 3 of gap.csv (lon 11.95, lat 57.7) 44.7 m" in told
 
 
+def test_angles_have_names_and_units_and_what_is_unread_or_wrong_is_told(cli: Cli, planned: Path, short_road: str) -> None:
+    path = pd.read_csv(planned / "path.csv")
+    named = pd.DataFrame({"x": path["x"], "y": path["y"], "Yaw [deg]": np.degrees(path["heading"]), "v": 5.0, "theta_trailer": 0.0})
+    arguments = (short_road, "--vehicle", "tractor-trailer", "--half-width", "2", "--no-plot")
+    for sign, warned in ((1.0, False), (-1.0, True)):
+        named.assign(beta1_deg=np.degrees(sign * path["beta1"])).to_csv("own.csv", index=False)
+        outcome = cli("judge", "own.csv", *arguments)
+        assert outcome.code == 0
+        assert "own.csv: columns v, theta_trailer not read\n" in outcome.err
+        assert ("warning: that is far: is their unit or sign another?" in outcome.err) == warned
+
+
 def test_a_path_round_a_closed_road_begins_where_the_road_does(cli: Cli) -> None:
     arguments = ("neubrandenburg_ring", "--vehicle", "bus", "--half-width", "2.8", "--no-plot")  # its ends are one place
     assert cli("plan", *arguments, "--out", "plan").code == 0
@@ -124,6 +138,9 @@ def test_a_part_of_a_road_is_judged_by_itself_and_said(cli: Cli, planned: Path, 
         (lambda path: path.iloc[:1], "fewer than two different points"),
         (lambda path: path.iloc[:6], "less than the tractor-trailer is long"),
         (lambda path: path.assign(heading=np.degrees(path["heading"]) + 20.0), "degrees off its heading"),
+        (lambda path: path.drop(columns="heading").assign(yaw=np.degrees(path["heading"]) + 20.0), "degrees off its heading"),
+        (lambda path: path.assign(psi=path["heading"]), "column heading occurs twice"),
+        (lambda path: path.assign(beta1=np.degrees(path["beta1"]) + 4.0), "more than half a turn\nhint: is their unit degrees?"),
         (lambda path: path.assign(y=path["y"].astype(object).where(path["s"] != 5.0, "far")), "not a number"),
     ],
 )
@@ -180,3 +197,30 @@ def test_wheels_that_the_vehicle_steers_by_itself_must_be_told(tmp_path: Path) -
         hdvplan.judge(case, GivenPath(points))
     held = GivenPath(points, steering=np.zeros((41, len(case.vehicle.active))))
     assert hdvplan.judge(case, held).balance.max_left == pytest.approx(0.5 * case.vehicle.width, abs=1e-6)
+
+
+POINTS = np.zeros((3, 2))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"points": np.zeros((3, 3))}, r"points must have shape \(n, 2\), not \(3, 3\)"),
+        ({"points": [[0.0, "far"]]}, "points is no array of numbers"),
+        ({"points": np.zeros(4)}, r"points must have shape \(n, 2\), not \(4,\)"),
+        ({"points": POINTS, "heading": np.zeros(2)}, r"heading must have shape \(n,\), not \(2,\)\nhint: n is 3"),
+        ({"points": POINTS, "betas": np.zeros(3)}, r"betas must have shape \(n, couplings\), not \(3,\)"),
+        ({"points": POINTS, "heading": np.full(3, np.nan)}, "heading holds what is not a finite number"),
+        ({"points": POINTS, "betas": np.full((3, 1), 20.0)}, "betas reach 20 rad, more than half a turn"),
+    ],
+)
+def test_arrays_that_are_no_path_are_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(OptionError) as raised:
+        GivenPath(**given)
+    assert re.match(words, "\n".join([str(raised.value), *getattr(raised.value, "__notes__", [])]))
+
+
+def test_articulations_of_other_couplings_are_refused() -> None:
+    path = GivenPath(np.column_stack([np.linspace(0.0, 200.0, 41), np.zeros(41)]), betas=np.zeros((41, 2)))
+    with pytest.raises(OptionError, match=r"betas have 2 columns, the tractor-trailer 1"):
+        hdvplan.judge(hdvplan.Case(hdvplan.load_road("uturn"), hdvplan.load_vehicle("tractor-trailer")), path)

@@ -11,7 +11,7 @@ import pytest
 
 import hdvplan
 from hdvplan.arrays import FloatArray
-from hdvplan.driving.followed import GivenPath
+from hdvplan.driving.given import GivenPath
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.judging.result import Result
 from hdvplan.judging.straying import SPACING_M

@@ -1,0 +1,124 @@
+"""A path of one's own as it is given: as arrays, or in a table of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hdvplan.arrays import FloatArray
+from hdvplan.errors import OptionError, RoadError
+from hdvplan.road.columns import unread_note
+from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat
+from hdvplan.road.load import find_road
+from hdvplan.road.load_csv import read_columns
+from hdvplan.vehicle.model import Vehicle
+
+PLANE_HINT = "its x and y are in the plane of the road's path (`plane` in summary.json), as path.csv is; or give lon and lat"
+_LINES = (".gpx", ".kml", ".geojson")  # files of lines in longitude and latitude; any other one is a table
+_SHAPES = {"points": ("n", "2"), "heading": ("n",), "betas": ("n", "couplings"), "steering": ("n", "active")}
+
+
+@dataclass(frozen=True)
+class GivenPath:
+    """Where the lead unit's rear axle is driven: points and headings, (n, 2) [m] and (n,) [rad], in the plane of the road's path.
+
+    ``heading`` is None where it is the direction of a spline through the points. ``betas`` (n, couplings) [rad], headings of units less
+    those of the units behind them, is what the path's author says of the trailers, of which only the first row is used; ``steering``
+    (n, active) [rad] the wheels that the vehicle steers by itself.
+
+    Raises:
+        OptionError: arrays of other shapes, what is not a finite number, or angles of trailers or wheels beyond pi.
+
+    """
+
+    points: FloatArray
+    heading: FloatArray | None = None
+    betas: FloatArray | None = None
+    steering: FloatArray | None = None
+    name: str = ""  #: of its file
+    notes: tuple[str, ...] = ()  #: on columns of its file that were not read
+    names: tuple[str, ...] = ()  #: (n,) of its points, for messages
+
+    def __post_init__(self) -> None:
+        """Refuse arrays that are no path."""
+        for name, shape in _SHAPES.items():
+            try:
+                given = None if getattr(self, name) is None else np.asarray(getattr(self, name), dtype=float)
+            except (TypeError, ValueError) as error:
+                msg = f"{name} is no array of numbers"
+                raise OptionError(msg) from error
+            if given is None:
+                continue
+            if given.ndim != len(shape) or len(given) != len(self.points) or (name == "points" and given.shape[1] != 2):  # noqa: PLR2004
+                msg = f"{name} must have shape ({', '.join(shape)}{',' * (len(shape) == 1)}), not {given.shape}"
+                raise OptionError(msg, hint=None if name == "points" else f"n is {len(self.points)}, that of points")
+            if not np.all(np.isfinite(given)):
+                msg = f"{name} holds what is not a finite number"
+                raise OptionError(msg)
+            object.__setattr__(self, name, given)
+            most = float(np.max(np.abs(given), initial=0.0))
+            if name in {"betas", "steering"} and most > np.pi:
+                msg = f"{f'{self.name}: ' if self.name else ''}{name} reach {most:.4g} rad, more than half a turn"
+                raise OptionError(msg, hint="is their unit degrees? Angles are in radians, or in columns such as beta1_deg")
+
+
+def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = None) -> GivenPath:
+    """Return the path in a CSV file with columns x, y and, if it has them, heading, beta1, ..., steering1, ...; as ``path.csv`` is written.
+
+    Columns lon, lat [deg] do as well, along a road whose plane has ``to_lonlat``, and so does the line in a GPX, KML or GeoJSON file.
+
+    Raises:
+        RoadError: as for ``read_columns``, degrees along a road that has none, or angles of some of the trailers or wheels alone.
+        OptionError: as ``GivenPath``.
+        OSError: the file cannot be read.
+
+    """
+    couplings = [f"beta{number}" for number in range(1, len(vehicle.units))]
+    steered = [f"steering{number}" for number in range(1, len(vehicle.active) + 1)]
+    if path.suffix.lower() in _LINES and path.is_file():
+        columns, unread, lines = _line_in(path), list[str](), list[int]()
+    else:
+        columns, unread, lines = read_columns(path, ("x", "y"), "path", ("heading", *couplings, *steered), instead=("lon", "lat"))
+
+    def together(names: list[str]) -> FloatArray | None:
+        found = [name for name in names if name in columns]
+        if found and found != names:
+            msg = f"path {path.name} has {', '.join(found)}, but not all of {', '.join(names)}"
+            raise RoadError(msg)
+        return np.column_stack([columns[name] for name in names]) if found else None
+
+    across, up = ("lon", "lat") if "lon" in columns else ("x", "y")
+    places = zip(columns[across].tolist(), columns[up].tolist(), strict=True)
+    names = tuple(
+        f"{f'line {lines[row]}' if lines else f'point {row + 1}'} of {path.name} ({across} {x:.9g}, {up} {y:.9g})"
+        for row, (x, y) in enumerate(places)
+    )
+    if "lon" not in columns:
+        points = np.column_stack([columns["x"], columns["y"]])
+    elif to_lonlat is None:
+        msg = f"path {path.name} is in degrees, and the road is not"
+        raise RoadError(msg, hint=PLANE_HINT)
+    else:
+        degrees = np.column_stack([columns["lon"], columns["lat"]])
+        check_lonlat(degrees, f"path {path.name}")
+        points = IntoPlane(LONLAT, to_lonlat.plane)(degrees)
+    angles = (columns.get("heading"), together(couplings), together(steered))
+    return GivenPath(points, *angles, path.name, unread_note(unread, path.name), names)
+
+
+def _line_in(path: Path) -> dict[str, FloatArray]:
+    """Return the columns lon, lat [deg] of the line in a file that a road may be read from, or x, y [m] where that knows no degrees.
+
+    Raises:
+        RoadError: no such line, or more than one.
+
+    """
+    try:
+        line = find_road(path).line
+    except RoadError as error:
+        raise RoadError(str(error), hint="keep in the file the one line that is driven, or give columns x, y or lon, lat") from error
+    assert line is not None  # noqa: S101 - for the type checker: of a file there is one
+    raw, (x, y) = line.raw, line.raw.points.T
+    return {"x": x, "y": y} if raw.to_lonlat is None else dict(zip(("lon", "lat"), raw.to_lonlat(x, y), strict=True))
