@@ -37,6 +37,7 @@ def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) 
         "clearance_wanted_m": settings.clearance,
         **tracking_json(result if tracking else None),
         "road": drive.road.name,
+        "plane": getattr(drive.road.to_lonlat, "plane", None),
         "vehicle": drive.vehicle.name,
         "scheme": result.scheme,
         "solver": result.solver,

@@ -35,7 +35,7 @@ class ToLonLat:
     plane: str  # what pyproj calls it: a code, or a PROJ string
 
     def __call__(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return longitudes and latitudes [deg]."""
+        """Return longitudes and latitudes [deg] of places ``x`` east, ``y`` north [m] in the plane, two arrays of one shape."""
         lon, lat = (np.asarray(value, dtype=float) for value in _transformer(self.plane, LONLAT).transform(x, y))
         turns = np.round((np.where(np.isfinite(lon), lon, 0.0) - _meridian(self.plane)) / 360.0)  # infinite outside the system's area
         return lon - 360.0 * turns, lat
@@ -108,11 +108,14 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
     """Return points in a plane in which lengths are true; as ``placed``.
 
     Raises:
-        RoadError: as ``placed``, or lengths in this system are wrong by more than 1 % here.
+        RoadError: as ``placed``, degrees for metres, or lengths in this system are wrong by more than 1 % here.
 
     """
     from pyproj import Geod  # noqa: PLC0415 - see above
 
+    if looks_like_degrees(points) and not is_geographic(name):
+        msg = f"the coordinates look like degrees, but {name} is in metres"
+        raise RoadError(msg, hint="--crs is the system of the road's own coordinates: leave it out")
     plane = placed(points, name)
     here = plane.points[len(points) // 2]
     lon, lat = plane.to_lonlat(*(here + _STEP_M * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])).T)

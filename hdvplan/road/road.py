@@ -48,7 +48,7 @@ class Road:
     path: ReferencePath
     limits: Limits | None = None
     smoothing: Smoothing | None = field(default=None, metadata={"decides": False})
-    #: x, y [m] -> degrees
+    #: x, y [m] in the plane of ``path``, arrays of one shape -> longitudes, latitudes [deg]
     to_lonlat: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]] | None = field(default=None, metadata={"decides": False})
     notice: str | None = field(default=None, metadata={"decides": False})  #: attribution that figures made from this road must carry
     regions: tuple[Region, ...] = ()

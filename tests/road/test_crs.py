@@ -28,6 +28,12 @@ def test_lengths_agree_with_the_geodesic_and_points_return(lon: float, lat: floa
     assert np.all(np.minimum(turn, 360.0 - turn) < 1e-8)  # 1 mm
 
 
+def test_degrees_in_a_system_of_metres_are_refused() -> None:
+    with pytest.raises(RoadError, match="look like degrees, but EPSG:32632 is in metres") as raised:
+        to_plane(np.array([[7.43, 43.74], [7.4301, 43.7401], [7.4302, 43.7402]]), "EPSG:32632")
+    assert str(raised.value.hint).endswith("leave it out")
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
