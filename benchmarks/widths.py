@@ -16,7 +16,8 @@ from cases import case_within, free_case, numbers, words, write_results
 from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
-from hdvplan.judging.result import Result, breach_text
+from hdvplan.judging.result import Result
+from hdvplan.judging.sentences import breach_text
 from hdvplan.report.grid import markdown_table
 from hdvplan.road.scenarios import shipped
 

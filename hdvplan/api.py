@@ -64,7 +64,12 @@ def judge(case: Case, path: GivenPath) -> Result:
         PlanError: a curvature that the vehicle cannot steer, or a motion that leaves the model's domain.
 
     """
-    return result_of(follow(case, path).drive, solver=case.solver, objective=case.objective)
+    return given_result(case, path, follow(case, path))
+
+
+def given_result(case: Case, path: GivenPath, along: Followed) -> Result:
+    """Return the judged drive along a path of one's own, which knows the path's file."""
+    return replace(result_of(along.drive, solver=case.solver, objective=case.objective), path=path.name)
 
 
 def biased(case: Case, text: str) -> Case:

@@ -15,6 +15,8 @@ import pytest
 import hdvplan
 from hdvplan.arrays import FloatArray
 from hdvplan.centring.stationary import Centring, stationary
+from hdvplan.need.answer import Need
+from hdvplan.need.search import Least
 
 
 def test_ten_lines_lead_from_a_road_to_a_report(tmp_path: Path) -> None:
@@ -32,6 +34,10 @@ def test_ten_lines_lead_from_a_road_to_a_report(tmp_path: Path) -> None:
     assert result.status == "ok"
     assert result.balance.min_clearance == pytest.approx(2.6 - 2.48, abs=0.01)  # the published reach's digits
     assert hdvplan.summary_of(result)["plans"] == len(result.drive.plans)
+    need = Need(PLAIN, None, Least(2.48, result, 0.0, 0.0, 1, None), None, None, None)
+    assert repr(result).startswith("<Result of bus on uturn: ok, least room 0.1")  # what a notebook shows
+    assert repr(result.drive) == f"<Drive of bus on uturn: {result.drive.road.path.length:.1f} m, {len(result.drive.plans)} plans>"
+    assert repr(need) == "<Need of bus on uturn: 2.48 m half width>"
     assert all((tmp_path / name).stat().st_size > 0 for name in ("uturn/plan.png", "plan.pdf", "report.html"))
 
 

@@ -87,7 +87,6 @@ def judge(
     from hdvplan.case import Case
     from hdvplan.driving.given import read_given_path
     from hdvplan.fileio import csv_bytes, write_atomically
-    from hdvplan.judging.result import result_of
     from hdvplan.loop.closed import loop_json, loop_text
     from hdvplan.loop.track import follower_named
     from hdvplan.report.files import DRAWINGS, PICTURES
@@ -108,7 +107,7 @@ def judge(
     with progress(f"following {path.name} along {track.name}", quiet=quiet):
         case = Case(track, driven, settings=settings)
         along = api.follow(case, given)
-        result = result_of(along.drive, solver=case.solver, objective=case.objective)
+        result = api.given_result(case, given, along)
     if along.drive.road.path.length < track.path.length - settings.step:
         words = f"the path covers s = {along.begins:.1f} to {along.ends:.1f} m of {track.path.length:.1f} m"
         note(f"{words}; arclengths count from its beginning" if along.begins > 0.0 else words, quiet=quiet)

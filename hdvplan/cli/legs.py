@@ -45,7 +45,7 @@ def legs_in(line: Line, vehicle: Vehicle, reaches: tuple[float, float] | None, *
 
 def finish(driven: LegsResult, directory: Path, kinds: Collection[str], output: Output) -> ExitCode:
     """Write the plan into a folder, print its verdict and a row a leg, or its summary as JSON; return the exit code."""
-    from hdvplan.judging.result import solver_texts
+    from hdvplan.judging.sentences import solver_texts
     from hdvplan.report.files import DRAWINGS
     from hdvplan.report.leg_files import summary_of_legs, write_legs
 

@@ -135,7 +135,7 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     """Warn of what a driver would find too much and, where a vehicle does not fit, of the places that the fit check calls too narrow."""
     from hdvplan.judging.envelope import steering_of, steering_texts
     from hdvplan.judging.fit import finding_text, folded_text
-    from hdvplan.judging.result import attempts_text, solver_texts
+    from hdvplan.judging.sentences import attempts_text, solver_texts
 
     for text in solver_texts(result):
         warn(text, quiet=quiet)
@@ -163,7 +163,7 @@ def print_plan(summary: dict[str, Any], directory: Path, *, two_regions: bool, r
 
 def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     """Return the exit code; what is broken is an error that names the deepest place."""
-    from hdvplan.judging.result import breach_text, entered_text
+    from hdvplan.judging.sentences import breach_text, entered_text
     from hdvplan.judging.verdict import strays_text
 
     what = "plan" if result.planned else "path"

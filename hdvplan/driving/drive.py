@@ -80,6 +80,10 @@ class Drive:
     prediction_error: float  # largest difference of planned and simulated position over the executed parts [m]
     bias: Bias = NONE  # where the middle of the swept envelope was wanted
 
+    def __repr__(self) -> str:
+        """Return one line: all plans together have millions of signs."""
+        return f"<{type(self).__name__} of {self.vehicle.name} on {self.road.name}: {self.road.path.length:.1f} m, {len(self.plans)} plans>"
+
     @property
     def steering(self) -> FloatArray:
         """Angles of the wheels that the plan steers, at the stations, changing evenly between them, (samples, active) [rad]."""

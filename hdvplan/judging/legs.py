@@ -42,6 +42,10 @@ class LegsResult:
     #: how far each cusp lies past the drawn one, negative short of it [m]; empty where they are the drawn ones
     past: tuple[float, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return one line, for a notebook."""
+        return f"<{type(self).__name__} of {self.name}: {self.text}>"
+
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Of each leg, on its street."""

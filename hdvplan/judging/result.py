@@ -15,7 +15,7 @@ from hdvplan.case import Case
 from hdvplan.centring.stationary import Centring
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import Drive
-from hdvplan.judging.balance import KEPT_M, Balance, Breach, Gaps, balance_of, gaps_of
+from hdvplan.judging.balance import KEPT_M, Balance, Gaps, balance_of, gaps_of
 from hdvplan.judging.bodies import corners, swept_pieces, united
 from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import Envelope
@@ -25,7 +25,7 @@ from hdvplan.judging.tracking import Tracking, tracking_of
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.objectives import Objective
 from hdvplan.planning.planner import Plan
-from hdvplan.road.regions import Region, Side, called
+from hdvplan.road.regions import Region, Side
 from hdvplan.solvers.registry import SolverClass
 from hdvplan.vehicle.model import Vehicle
 
@@ -95,6 +95,13 @@ class Result:
     passed: tuple[Passed, ...] = ()  #: the obstacles in order of s, and their sides
     proof: Proof | None = None  #: that nothing keeps the limits; None if none was found or looked for
     attempts: tuple[Attempt, ...] = ()  #: every plan, if it was planned more than once; see ``hdvplan.replanned``
+    path: str = ""  #: the file of a given path, where it is known
+
+    def __repr__(self) -> str:
+        """Return one line, for a notebook: all fields together have millions of signs."""
+        least = self.balance.min_clearance
+        room = f"half width {self.balance.half_width:.2f} m" if least is None else f"least room {least:.2f} m"
+        return f"<{type(self).__name__} of {self.drive.vehicle.name} on {self.drive.road.name}: {self.status}, {room}>"
 
     @property
     def planned(self) -> bool:
@@ -119,7 +126,8 @@ class Result:
     @property
     def origin(self) -> str:
         """How the drive came about, for a title."""
-        return f"planned by {self.scheme.upper()}, {self.solver}, {self.objective}" if self.planned else "driven along a given path"
+        given = f"driven along a given path {self.path}".rstrip()
+        return f"planned by {self.scheme.upper()}, {self.solver}, {self.objective}" if self.planned else given
 
     @property
     def envelope(self) -> Envelope:
@@ -244,48 +252,6 @@ def result_of(drive: Drive, *, solver: str | SolverClass, objective: str | Objec
     """Evaluate an executed drive; ``solver`` and ``objective`` are those of its case, ``passed`` how its obstacles are passed."""
     case = Case(drive.road, drive.vehicle, objective, solver, drive.settings, drive.bias)
     return Result(case, drive, balance_of(drive), passed)
-
-
-def solver_texts(result: Result) -> list[str]:
-    """Return a sentence for each way in which the solver that was asked for did not plan the whole drive; none where it did."""
-    steps, at, texts = len(result.drive.plans), result.drive.stations.s, []
-    if result.rescued:
-        first, name = result.rescued[0], result.solver
-        where = f"first at s = {at[first.first]:.1f} m"
-        texts.append(f"{name} failed in {len(result.rescued)} of {steps} planning steps, {where}: {first.instead}")
-    if result.failed:
-        first = result.failed[0]
-        where = f"first at s = {at[first.first]:.1f} m" + (f" ({first.reason})" if first.reason else "")
-        texts.append(f"{len(result.failed)} of {steps} planning steps were not solved, {where}: the vehicle followed the last plan")
-    return texts
-
-
-def attempts_text(result: Result) -> str:
-    """Return how a case that was planned more than once came to its answer, without a capital or a full stop; "" of others."""
-    if not result.attempts:
-        return ""
-    first, *others = result.attempts
-    steps = " and ".join(f"{attempt.step:g} m" for attempt in others if attempt.step != first.step)
-    ways = ["limits that give way"] * any(attempt.step == first.step for attempt in others) + [f"stations {steps} apart"] * bool(steps)
-    least = min(attempt.lacking for attempt in result.attempts)
-    answer = "it fits" if least == 0.0 else f"{least:.3f} m are lacking at best"
-    return f"the first plan lacks {first.lacking:.3f} m; planned again with {', and with '.join(ways)}, {answer}: that is the plan here"
-
-
-def breach_text(result: Result, breach: Breach) -> str:
-    """Return a sentence that says which body breaks which limit, by how much and where."""
-    name = body_name(result.drive.vehicle, breach.unit)
-    if breach.obstacle is not None:
-        named = called(breach.obstacle)
-        return f"the {breach.part} of the {name} enters {named} by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
-    limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
-    return f"the {breach.part} of the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
-
-
-def entered_text(result: Result, approach: Approach) -> str:
-    """Return a sentence that says which body enters which obstacle, by how much and where."""
-    named, name = called(approach.obstacle.label), body_name(result.drive.vehicle, approach.unit)
-    return f"the {approach.part} of the {name} enters {named} by {-approach.distance:.3f} m at s = {approach.s:.1f} m"
 
 
 def body_name(vehicle: Vehicle, unit: int) -> str:

@@ -106,6 +106,10 @@ class ClosedLoop:
     driven: Driven
     results: tuple[Result | None, ...]
 
+    def __repr__(self) -> str:
+        """Return one line, for a notebook."""
+        return f"<{type(self).__name__}: {loop_text(self)}>"
+
     @cached_property
     def verdicts(self) -> tuple[Verdict | None, ...]:
         """The verdict on each run."""

@@ -60,6 +60,11 @@ class Need:
     widenings: Widenings | None
     bound: Bound | None = None  #: room that is proved to be too little; None if nothing is proved or no proof was wanted
 
+    def __repr__(self) -> str:
+        """Return one line, for a notebook."""
+        what = self.side or "half width"
+        return f"<{type(self).__name__} of {self.case.vehicle.name} on {self.case.road.name}: {self.room.room:.2f} m {what}>"
+
     @property
     def fits(self) -> bool | None:
         """Whether the vehicle fits within the road's own limits; where there are none, None if some do, which is the answer, else False."""

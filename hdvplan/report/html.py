@@ -94,7 +94,7 @@ def write_report(
 
 def report_html(plans: Sequence[PlanFiles], title: str) -> str:
     """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times."""
-    plans = [replace(plan, summary=plan.summary | {"narrowest": _narrowest(plan)}) for plan in plans]
+    plans = [replace(plan, summary=plan.summary | {"narrowest": _narrowest(plan)} | _given(plan)) for plan in plans]
     edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans])
     return page_template("report.html.j2").render(
         title=title,
@@ -103,7 +103,7 @@ def report_html(plans: Sequence[PlanFiles], title: str) -> str:
         script=page_part("report.js"),
         summary=[_row(plans, *row) for row in _DRIVEN],
         computed=[_row(plans, *row) for row in _COMPUTED],
-        plans=[_panel(plan, _heading(plan, plans), short, edges) for plan, short in zip(plans, short_labels(plans), strict=True)],
+        plans=[_panel(*each, edges) for each in zip(plans, _headings(plans), short_labels(plans), strict=True)],
         data=script_json([payload_of(plan) for plan in plans]),
         directories=", ".join(str(plan.directory) for plan in plans),
     )
@@ -113,10 +113,19 @@ def short_labels(plans: Sequence[PlanFiles]) -> list[str]:
     """Return what tells these plans apart: only what differs, or the vehicle; folders where nothing does."""
     keys = ("vehicle", "road", *_HOW)
     differing = [key for key in keys if len({plan.summary[key] for plan in plans}) > 1] or ["vehicle"]
-    labels = [", ".join(str(plan.summary[key]) for key in differing) for plan in plans]
-    if len(set(labels)) < len(labels):
-        labels = [f"{label} ({plan.directory.name})" for label, plan in zip(labels, plans, strict=True)]
-    return labels
+    return _apart([", ".join(filter(None, (str(plan.summary[key]) for key in differing))) for plan in plans], plans)
+
+
+def _apart(labels: list[str], plans: Sequence[PlanFiles]) -> list[str]:
+    """Return the labels, those that are alike with the plans' folders."""
+    return [f"{label} ({plan.directory.name})" if labels.count(label) > 1 else label for label, plan in zip(labels, plans, strict=True)]
+
+
+def _given(plan: PlanFiles) -> Json:
+    """Return what the summary of a given path says of how it was made: which one it is; nothing of a plan."""
+    if plan.summary.get("plans") != 0:
+        return {}
+    return {"objective": f"given path {plan.summary.get('path') or plan.directory.name}", "scheme": "", "solver": ""}
 
 
 def _row(plans: Sequence[PlanFiles], name: str, unit: str, key: str, digits: int | None, meaning: str) -> Json:
@@ -129,11 +138,11 @@ def _narrowest(plan: PlanFiles) -> float | None:
     return float(width.min()) if width.notna().any() else None
 
 
-def _heading(plan: PlanFiles, plans: Sequence[PlanFiles]) -> str:
-    """Return vehicle and road, and how it was planned only where that tells plans apart."""
-    subject = f"{plan.summary['vehicle']} on {plan.summary['road']}"
-    ways = {tuple(str(other.summary[key]) for key in _HOW) for other in plans}
-    return subject if len(ways) == 1 else label_of(plan.summary)
+def _headings(plans: Sequence[PlanFiles]) -> list[str]:
+    """Return vehicles and roads, and how they were planned only where that tells plans apart."""
+    ways = {tuple(str(plan.summary[key]) for key in _HOW) for plan in plans}
+    subjects = [f"{plan.summary['vehicle']} on {plan.summary['road']}" for plan in plans]
+    return _apart(subjects if len(ways) == 1 else [label_of(plan.summary) for plan in plans], plans)
 
 
 def _cell(summary: Json, key: str, digits: int | None) -> Json:
@@ -141,7 +150,7 @@ def _cell(summary: Json, key: str, digits: int | None) -> Json:
     for part in key.split("."):
         value = None if value is None else value.get(part)
     bad = (key == "status" and value != "ok") or (key == "limit_violation_m" and (value or 0.0) > 0.0)
-    text = "-" if value is None else str(value) if digits is None else f"{value:.{digits}f}"
+    text = "-" if value is None or value == "" else str(value) if digits is None else f"{value:.{digits}f}"
     return {"text": text, "bad": bad}
 
 

@@ -12,7 +12,8 @@ from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import TRACK_NOTE, corners, pose_at, wheel_tracks
-from hdvplan.judging.result import Result, body_name, breach_text, entered_text
+from hdvplan.judging.result import Result, body_name
+from hdvplan.judging.sentences import breach_text, entered_text
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.kerbs import beyond_kerb, shown_kerbs, simple_line
 from hdvplan.report.rooms import approach_of, peaks, room_at, shared_with, tightness

@@ -172,7 +172,8 @@ def payload_of(plan: PlanFiles) -> Json:
 
 def label_of(summary: Json) -> str:
     """Return what tells plans apart at a glance."""
-    return f"{summary['vehicle']} on {summary['road']}, {summary['scheme']}, {summary['solver']}, {summary['objective']}"
+    how = ", ".join(filter(None, (summary["scheme"], summary["solver"], summary["objective"])))
+    return f"{summary['vehicle']} on {summary['road']}, {how}"
 
 
 def tight_places(plan: PlanFiles) -> list[Json]:

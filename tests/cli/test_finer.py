@@ -13,7 +13,8 @@ import pytest
 import hdvplan
 from hdvplan.case import Case
 from hdvplan.errors import PlanError
-from hdvplan.judging.result import Proof, Result, attempts_text
+from hdvplan.judging.result import Proof, Result
+from hdvplan.judging.sentences import attempts_text
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature

@@ -51,6 +51,7 @@ def test_a_follower_that_knows_the_path_drives_it_where_nothing_errs(tmp_path: P
     result = result_on(tmp_path, "0,0\n30,0\n50,0.04\n70,0.04\n90,0\n130,0", vehicle)
     loop = closed_loop(result, follower, _EXACT)
     assert loop.driven.error(0) < _MISSED_M[follower]
+    assert repr(loop).startswith("<ClosedLoop: in a closed loop ")  # what a notebook shows
     assert loop.verdicts[0] is not None
     assert loop.verdicts[0].spare == pytest.approx(
         result.balance.min_clearance, abs=1.2 * _MISSED_M[follower]

@@ -93,6 +93,15 @@ def test_plans_are_told_apart_by_what_differs(plan: PlanFiles) -> None:
     assert short_labels([plan]) == ["bus"]
     twin = replace(plan, directory=Path("again"))
     assert short_labels([plan, twin]) == [f"bus ({plan.directory.name})", "bus (again)"]
+    none = dict.fromkeys(("scheme", "solver", "objective"), "none")
+    given = [
+        replace(plan, directory=Path(folder), summary=plan.summary | none | {"plans": 0, "path": path})
+        for folder, path in (("a", "mine.csv"), ("b", "mine.csv"), ("c", ""))
+    ]
+    page = report_html([plan, *given], "A report")
+    assert "none, none" not in page
+    for name in ("given path mine.csv (a)", "given path mine.csv (b)", "given path c"):
+        assert re.search(rf"<h2[^>]*>[^<]*, {re.escape(name)}</h2>", page), name
 
 
 def test_the_page_shows_the_summary_s_numbers(plan: PlanFiles, kerbed: Result) -> None:

@@ -66,6 +66,7 @@ def test_an_articulation_beyond_the_critical_one_is_a_no_with_its_place(trailer:
     answer = f"{degrees + 2.0:.0f} degrees, beyond {degrees:.1f} no steering helps"
     assert driven.text == f"NO: jack-knife at s = {found.s:.1f} m of leg 2 (backward): {answer}"
     assert len(driven.text) <= 100
+    assert repr(driven) == f"<LegsResult of {driven.name}: {driven.text}>"  # what a notebook shows
     assert driven.details.startswith("between the tractor and the trailer, at x ")
     summary = summary_of_legs(driven)
     assert [leg["status"] for leg in summary["legs"]] == [trailer.status, "jack-knife"]

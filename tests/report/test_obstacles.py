@@ -11,7 +11,8 @@ from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.obstacles import approaches
-from hdvplan.judging.result import Result, breach_text
+from hdvplan.judging.result import Result
+from hdvplan.judging.sentences import breach_text
 from hdvplan.judging.verdict import verdict_line, verdict_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.path import from_curvature

@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from hdvplan.judging.balance import Breach
-from hdvplan.judging.result import Result, breach_text
+from hdvplan.judging.result import Result
+from hdvplan.judging.sentences import breach_text
 from hdvplan.report.grid import grid, markdown_table
 from hdvplan.report.summary import summary_of
 from hdvplan.report.tables import MOST_BREACHES, balance_table, breach_table, planning_table

@@ -13,7 +13,8 @@ from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import SolverError
-from hdvplan.judging.result import result_of, solver_texts
+from hdvplan.judging.result import result_of
+from hdvplan.judging.sentences import solver_texts
 from hdvplan.judging.verdict import verdict_line, verdict_of
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.objectives import geometric

@@ -1,0 +1,50 @@
+"""Sentences about a judged drive: how it was planned, and what it breaks."""
+
+from __future__ import annotations
+
+from hdvplan.judging.balance import Breach
+from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.result import Result, body_name
+from hdvplan.road.regions import called
+
+
+def solver_texts(result: Result) -> list[str]:
+    """Return a sentence for each way in which the solver that was asked for did not plan the whole drive; none where it did."""
+    steps, at, texts = len(result.drive.plans), result.drive.stations.s, []
+    if result.rescued:
+        first, name = result.rescued[0], result.solver
+        where = f"first at s = {at[first.first]:.1f} m"
+        texts.append(f"{name} failed in {len(result.rescued)} of {steps} planning steps, {where}: {first.instead}")
+    if result.failed:
+        first = result.failed[0]
+        where = f"first at s = {at[first.first]:.1f} m" + (f" ({first.reason})" if first.reason else "")
+        texts.append(f"{len(result.failed)} of {steps} planning steps were not solved, {where}: the vehicle followed the last plan")
+    return texts
+
+
+def attempts_text(result: Result) -> str:
+    """Return how a case that was planned more than once came to its answer, without a capital or a full stop; "" of others."""
+    if not result.attempts:
+        return ""
+    first, *others = result.attempts
+    steps = " and ".join(f"{attempt.step:g} m" for attempt in others if attempt.step != first.step)
+    ways = ["limits that give way"] * any(attempt.step == first.step for attempt in others) + [f"stations {steps} apart"] * bool(steps)
+    least = min(attempt.lacking for attempt in result.attempts)
+    answer = "it fits" if least == 0.0 else f"{least:.3f} m are lacking at best"
+    return f"the first plan lacks {first.lacking:.3f} m; planned again with {', and with '.join(ways)}, {answer}: that is the plan here"
+
+
+def breach_text(result: Result, breach: Breach) -> str:
+    """Return a sentence that says which body breaks which limit, by how much and where."""
+    name = body_name(result.drive.vehicle, breach.unit)
+    if breach.obstacle is not None:
+        named = called(breach.obstacle)
+        return f"the {breach.part} of the {name} enters {named} by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+    limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
+    return f"the {breach.part} of the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+
+
+def entered_text(result: Result, approach: Approach) -> str:
+    """Return a sentence that says which body enters which obstacle, by how much and where."""
+    named, name = called(approach.obstacle.label), body_name(result.drive.vehicle, approach.unit)
+    return f"the {approach.part} of the {name} enters {named} by {-approach.distance:.3f} m at s = {approach.s:.1f} m"
