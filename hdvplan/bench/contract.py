@@ -17,6 +17,7 @@ from time import perf_counter
 
 import numpy as np
 
+from hdvplan.bench.late import Watch, Watched
 from hdvplan.bench.measuring.recording import LIMITS, Recorded, record
 from hdvplan.case import Case
 from hdvplan.errors import QpDataError
@@ -72,14 +73,21 @@ def _recorded() -> tuple[Recorded, ...]:
     return tuple(found)
 
 
-def checked(make: WorkspaceMaker, on_finding: Callable[[Finding], None] | None = None) -> list[Finding]:
+def checked(
+    make: WorkspaceMaker, on_finding: Callable[[Finding], None] | None = None, on_progress: Callable[[float], None] | None = None
+) -> list[Finding]:
     """Return what every rule of the contract finds of a solver; anything that it raises is a finding.
 
-    ``on_finding`` receives each finding as soon as it is known: with a slow solver a rule takes minutes.
+    So is a program that takes longer than ``LIMIT_S``, after which nothing more is asked. ``on_finding`` receives each finding as soon as
+    it is known, ``on_progress`` 0 to 1: with a slow solver a rule takes minutes.
     """
-    findings = []
+    findings: list[Finding] = []
+    programs, tell = len(samples()), on_progress or (lambda _: None)
+    watch = Watch(lambda solved: tell((len(findings) + min(1.0, solved / programs)) / len(CONTRACT)))
     for rule in CONTRACT:
-        findings.append(_found(rule, make))
+        watch.solved = 0
+        plain = rule is times_are_true and not watch.late  # a thread takes time, too
+        findings.append(_found(rule, make if plain else lambda shape: Watched(make(shape), watch)))
         if on_finding is not None:
             on_finding(findings[-1])
     return findings

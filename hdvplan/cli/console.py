@@ -104,13 +104,14 @@ def writing(what: str, hint: str | None = "choose another folder with --out") ->
 
 
 @contextmanager
-def progress(task: str, *, quiet: bool, undisturbed: bool = False) -> Iterator[Callable[[float], None]]:
+def progress(task: str, *, quiet: bool, undisturbed: bool = False, lines: bool = False) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left on stderr while the block runs; it receives the done share, 0 to 1.
 
-    Where stderr is no terminal, a line is written at most every ten seconds. With ``undisturbed`` the bar is drawn
-    only when the share changes: no other thread runs during a measurement, and the time left is estimated from the last hour.
+    Where stderr is no terminal, or with ``lines``, where something is printed meanwhile, a line is written at most every ten seconds.
+    With ``undisturbed`` the bar is drawn only when the share changes: no other thread runs during a measurement, and the time left is
+    estimated from the last hour.
     """
-    if quiet or not sys.stderr.isatty():
+    if quiet or lines or not sys.stderr.isatty():
         yield (lambda _: None) if quiet else _lines(task)
         return
     from rich.console import Console

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli import completion
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress
 from hdvplan.cli.options import JsonOption
 
 if TYPE_CHECKING:
@@ -77,7 +77,8 @@ def _check(name: str, *, json: bool) -> int:
     programs = samples()
     note(f"{len(CONTRACT)} rules, on {len(programs)} programs each; each rule is printed when it is done", quiet=json)
     said: set[str] = set()
-    findings = checked(make, None if json else lambda finding: _print_finding(finding, said))
+    with progress("checking", quiet=json, lines=True) as on_progress:
+        findings = checked(make, None if json else lambda finding: _print_finding(finding, said), on_progress)
     if json:
         print_json([asdict(finding) for finding in findings])
     if all(finding.kept for finding in findings):

@@ -172,28 +172,46 @@ class Judge:
         """Have a separate thread solve a copy: one that is late must not see the next program's values.
 
         Raises:
-            SolverError: it has not answered in time.
+            LateError: it has not answered in time.
             BaseException: whatever the solver raises.
 
         """
-        own = qp.copy()
-        answers: SimpleQueue[QpResult | BaseException] = SimpleQueue()
-
-        def answer() -> None:
-            try:
-                answers.put(self._first.solve(own, guess))
-            except BaseException as error:  # noqa: BLE001 - raised again by who waits
-                answers.put(error)
-
-        threading.Thread(target=answer, daemon=True, name="a solver with a time limit").start()
         try:
-            found = answers.get(timeout=limit_s)
-        except Empty:
-            self._hangs = f"no answer within {limit_s:g} s"
-            raise SolverError(self._hangs) from None
-        if isinstance(found, BaseException):
-            raise found
-        return found
+            return in_time(limit_s, partial(self._first.solve, qp.copy(), guess))
+        except LateError as error:
+            self._hangs = str(error)
+            raise
+
+
+class LateError(SolverError):
+    """A solver has not answered in time."""
+
+
+def in_time(limit_s: float, solve: Callable[[], QpResult]) -> QpResult:
+    """Return what ``solve`` does in a separate thread, which goes on if it is late.
+
+    Raises:
+        LateError: it has not answered in time.
+        BaseException: whatever it raises.
+
+    """
+    answers: SimpleQueue[QpResult | BaseException] = SimpleQueue()
+
+    def answer() -> None:
+        try:
+            answers.put(solve())
+        except BaseException as error:  # noqa: BLE001 - raised again by who waits
+            answers.put(error)
+
+    threading.Thread(target=answer, daemon=True, name="a solver with a time limit").start()
+    try:
+        found = answers.get(timeout=limit_s)
+    except Empty:
+        msg = f"no answer within {limit_s:g} s"
+        raise LateError(msg) from None
+    if isinstance(found, BaseException):
+        raise found
+    return found
 
 
 def _attempt(solve: Callable[[], QpResult], judge: Judging) -> tuple[QpResult | None, str]:

@@ -4,6 +4,7 @@
 
 import json
 import re
+from threading import Event
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ import pytest
 from hdvplan.bench import contract
 from hdvplan.bench.contract import CONTRACT, Rule, samples
 from hdvplan.bench.measuring.recording import LIMITS
+from hdvplan.cli import console
 from hdvplan.cli.app import run
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, WorkspaceMaker
+from hdvplan.solvers import registry
 from hdvplan.solvers.registry import solver_named
 from tests.bench.test_referee import AnswersForTheLastProgram, Careless, Sleeps, WritesAfterwards, WritesIntoTheGuess, WrongNowAndThen
 from tests.fakes import Fake
@@ -108,6 +111,28 @@ def test_the_command_prints_every_rule_and_fails_with_one(capsys: pytest.Capture
     assert captured.out.count("raises ZeroDivisionError: late") == 1  # of rules that it breaks alike, the first says how
     assert "docs/extending.md" in captured.err
     assert run(["solvers", "--check", "nosuch"]) == 2
+
+
+def test_a_solver_that_is_late_once_is_not_asked_again(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "LIMIT_S", 0.2)
+    monkeypatch.setattr(console, "_TELL_S", 0.0)
+    assert run(["solvers", "--check", "tests.bench.test_contract:Stuck"]) == 1
+    told = capsys.readouterr()
+    assert told.out.count("LateError: no answer within 0.2 s after 3 programs") == 1
+    assert told.out.count(": the same") == len(CONTRACT) - 1
+    assert "checking: " in told.err
+
+
+class Stuck(Careless):
+    """A solver that answers three times."""
+
+    asked = 0
+
+    def before(self, qp: StageQp, guess: StageSolution | None) -> StageQp:
+        Stuck.asked += 1
+        if Stuck.asked > 3:
+            Event().wait(60.0)
+        return super().before(qp, guess)
 
 
 def test_a_solver_that_cannot_be_made_is_refused_before_anything_compiles(
