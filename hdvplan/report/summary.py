@@ -39,7 +39,7 @@ def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) 
         "road": drive.road.name,
         "plane": getattr(drive.road.to_lonlat, "plane", None),
         "vehicle": drive.vehicle.name,
-        "path": None if result.planned else result.path,
+        **({} if result.planned else {"path": result.path}),
         "scheme": result.scheme,
         "solver": result.solver,
         "objective": result.objective,

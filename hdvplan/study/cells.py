@@ -174,7 +174,7 @@ SUMMARY = (
     ),
     Column("step_m", NUMBER, "settings.step"),
     Column("stretches", COUNT, "stretches.count"),
-    *_columns(TEXT, "notice version"),
+    *_columns(TEXT, "plane notice version"),
 )
 STEPS = _columns(NUMBER, "mean p50 p95 p99 max first", before=f"{PARALLEL}step_ms_", within="time_ms.")
 NEED = (
