@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import shapely
 
 from hdvplan.arrays import FloatArray
 from hdvplan.columns import Column, table_bytes
@@ -15,22 +16,23 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of
 from hdvplan.record import NAME, record_of
 from hdvplan.report.geojson import swept_geojson
-from hdvplan.report.layers import Drawn, drawing_system, drawn_features, map_system
+from hdvplan.report.layers import Drawn, drawing_system, drawn_features, limit_features, map_system
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import Json, summary_of
-from hdvplan.road.regions import Region
+from hdvplan.road.regions import Region, outlines_of
 
 PICTURES = ("png", "pdf", "svg")
 DRAWINGS = ("dxf", "gpkg")  # for CAD and GIS
 SHEET = "sheet.pdf"
-SWEPT, REGIONS = "swept.geojson", "regions.json"
+SWEPT, REGIONS, LIMITS = "swept.geojson", "regions.json", "limits.json"
 FILM = "drive.gif"
 FILES = Together(
     "summary.json",
-    (*(f"plan.{kind}" for kind in (*PICTURES, *DRAWINGS)), SHEET, FILM),
+    (*(f"plan.{kind}" for kind in (*PICTURES, *DRAWINGS)), SHEET, FILM, LIMITS),
     {NAME: "software", "summary.json": "sqp_iterations_max"},
 )
 _COARSE = ("%.4f", "%.6f")  # of what only drawings need: metres, angles and curvatures
+_COARSE_M = 0.005  # likewise: lines leave out points that would move them by no more
 _COUNTS = {"qps": "qp_count", "qp_iterations": "qp_iterations", "status": "status", "usable": "usable"}
 
 Table = dict[str, Column]
@@ -63,6 +65,7 @@ def write_plan(
     contents: dict[str, Callable[[], bytes]] = {
         **{name: partial(_table, table_of, result) for name, table_of in TABLES.items()},
         REGIONS: lambda: json_bytes(regions_json(result.drive.road.regions), indent=None),
+        LIMITS: lambda: json_bytes(limits_json(result), indent=None),
         SWEPT: lambda: json_bytes(swept_geojson(result), indent=None),
         NAME: lambda: json_bytes(record_of([result.case])),
     }
@@ -169,9 +172,21 @@ def regions_json(regions: Sequence[Region]) -> list[dict[str, object]]:
         {
             "region": str(region.kind),
             "name": region.label,
-            "rings": [np.round(ring.coords, 3).tolist() for ring in (region.polygon.exterior, *region.polygon.interiors)],
+            "rings": [np.round(ring.coords, 3).tolist() for ring in outlines_of(region.polygon)],
         }
         for region in regions
+    ]
+
+
+def limits_json(result: Result) -> list[Json]:
+    """Return kerbs, and what was swept beyond them or in obstacles, as drawings show them, in path.csv's plane to 1 cm."""
+    return [
+        {
+            "layer": str(drawn.layer),
+            **{name: drawn.properties[name] for name in ("side", "binds", "bridged", "depth_m") if name in drawn.properties},
+            "lines": [np.round(line.coords, 2).tolist() for line in outlines_of(shapely.simplify(drawn.geometry, _COARSE_M))],
+        }
+        for drawn in limit_features(result)
     ]
 
 

@@ -24,6 +24,7 @@ from hdvplan.version import __version__
 
 MOST_BREACHES = 20  # listed; the summary file holds all
 MOST_OBSTACLES = 20  # listed, nearest first
+_LIMITS = {("binds", "overhangs"): ("dotted", "limits of overhangs"), ("bridged", True): ("dashed", "not drawn, bridged")}
 _BINS = 40
 _PLOT = (10.0, 310.0, 8.0, 120.0)  # of the histogram: left, right, top, bottom
 
@@ -167,6 +168,7 @@ def _panel(plan: PlanFiles, heading: str, short: str, edges: FloatArray) -> Json
         "places": tight_places(plan),
         "obstacles": sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:MOST_OBSTACLES],
         "kept_m": KEPT_M,
+        "limits": [key for name, key in _LIMITS.items() if any(limit.get(name[0]) == name[1] for limit in plan.limits)],
         "regions": sorted({region["region"] for region in plan.regions}),
         "times": _histogram(plan.steps["total_ms"].round(4).to_numpy(), edges),
         "notice": summary.get("notice"),

@@ -19,7 +19,7 @@ from hdvplan.judging.balance import ONE_M
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.pieces import Judged
 from hdvplan.record import NAME, record_of
-from hdvplan.report.files import FILES, REGIONS, SWEPT, TABLES, regions_json
+from hdvplan.report.files import FILES, LIMITS, REGIONS, SWEPT, TABLES, limits_json, regions_json
 from hdvplan.report.geojson import swept_features
 from hdvplan.report.summary import TRACKING, smoothing_of, summary_of, times_json, verdict_json
 from hdvplan.texts import encoded
@@ -77,10 +77,12 @@ def write_pieces(pieces: Iterable[Judged], directory: Path, *, on_progress: Call
             files = {name: stack.enter_context((aside / name).open("wb")) for name in (*TABLES, SWEPT)}
             files[SWEPT].write(b'{"type": "FeatureCollection", "features": [')
             turned: float | None = None
+            limits: list[Json] = []
             for one in pieces:
                 turned = _write_tables(one, files, turned)
                 features = ",\n".join(json.dumps(feature, ensure_ascii=False, allow_nan=False) for feature in swept_features(one.result))
                 files[SWEPT].write(encoded((",\n" if kept else "") + features))
+                limits += limits_json(one.result)
                 record = record or record_of([one.result.case])
                 kept.append(kept_of(one))
                 if on_progress is not None:
@@ -88,12 +90,13 @@ def write_pieces(pieces: Iterable[Judged], directory: Path, *, on_progress: Call
             files[SWEPT].write(b"]}\n")
         regions = {outline: region for one in kept for outline, region in one.regions.items()}
         (aside / REGIONS).write_bytes(json_bytes(list(regions.values()), indent=None))
+        (aside / LIMITS).write_bytes(json_bytes(limits, indent=None))
         record["stretches"] = {"count": len(kept), "digest": digest_of(kept)}
         (aside / NAME).write_bytes(json_bytes(record))
         summary.update(joined_summary(kept))
         (aside / FILES.last).write_bytes(json_bytes(summary))
 
-    FILES.fill(directory, (*TABLES, SWEPT, REGIONS, NAME, FILES.last), fill)
+    FILES.fill(directory, (*TABLES, SWEPT, REGIONS, LIMITS, NAME, FILES.last), fill)
     return summary
 
 

@@ -64,6 +64,12 @@ def drawn_features(result: Result) -> tuple[Drawn, ...]:
     return tuple(feature for of_layer in _LAYERS for feature in of_layer(result))
 
 
+def limit_features(result: Result) -> Iterator[Drawn]:
+    """Yield the features of a plan's drawing that are limits, or beyond one, x, y [m]."""
+    yield from _limits(result)
+    yield from _conflicts(result)
+
+
 def outline_places(result: Result, s_from: float, s_to: float) -> list[float]:
     """Return arclengths of the lead rear axle [m] at which the vehicle's outlines stand behind each other without touching."""
     vehicle = result.drive.vehicle

@@ -25,7 +25,7 @@ from hdvplan.report.layers import Drawn, Layer, outline_places
 from hdvplan.report.rooms import Room, Window, outwards_at, shown_reach
 from hdvplan.report.style import BRIDGED, ON_WHITE, body_dark, body_fill
 from hdvplan.road.path import ReferencePath
-from hdvplan.road.regions import polygons_of
+from hdvplan.road.regions import outlines_of
 
 Turn = Callable[[FloatArray], FloatArray]  # of points (n, 2) of the road's plane, as they lie on the paper
 UNTURNED: Turn = np.asarray
@@ -196,7 +196,7 @@ def draw_depths(axes: Axes, result: Result, window: Window) -> None:
 
 def outline_of(area: BaseGeometry) -> Outline:
     """Return polygons with their holes as one outline; lines and points that repairs left over are dropped."""
-    rings = [Outline(np.asarray(ring.coords), closed=True) for part in polygons_of(area) for ring in (part.exterior, *part.interiors)]
+    rings = [Outline(np.asarray(ring.coords), closed=True) for ring in outlines_of(area)]
     return Outline.make_compound_path(*rings) if rings else Outline(np.empty((0, 2)))
 
 

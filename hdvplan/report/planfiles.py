@@ -20,10 +20,10 @@ _TABLES = ("path", "envelope", "profile", "steps")
 _ENTRIES = dict.fromkeys(("road", "vehicle", "scheme", "solver", "objective", "status"), str) | {"time_ms": dict}
 _LISTS = {
     "bodies": ("name", "wheelbase_m", "hitch_offset_m", "front_m", "rear_m", "width_m"),
-    "breaches": ("s_from", "s_to", "s_deepest", "depth_m", "side", "unit", "region"),
+    "breaches": ("s_from", "s_to", "s_deepest", "depth_m", "side", "unit", "region", "x", "y"),
     "obstacles": ("name", "distance_m", "s_m", "unit"),
 }
-_REGION = ("region", "rings")
+_REGION, _LIMIT = ("region", "rings"), ("layer", "lines")
 SPACING_M = 0.5  # between two samples of the page
 _HIDDEN_BELOW = 1e-9
 _MISSING = -32768  # of a 16-bit number
@@ -35,7 +35,7 @@ Json = dict[str, Any]
 
 @dataclass(frozen=True)
 class PlanFiles:
-    """One plan as ``hdvplan plan`` wrote it: the summary, the regions, and the tables of the files of the same names."""
+    """One plan as ``hdvplan plan`` wrote it: the summary, the regions, the limits, and the tables of the files of the same names."""
 
     directory: Path
     summary: dict[str, Any]
@@ -44,6 +44,7 @@ class PlanFiles:
     profile: pd.DataFrame
     steps: pd.DataFrame
     regions: list[dict[str, Any]]
+    limits: list[dict[str, Any]]
 
 
 def read_plan(directory: Path) -> PlanFiles:
@@ -62,11 +63,13 @@ def read_plan(directory: Path) -> PlanFiles:
         what = f"{directory} has no plan: summary.json is missing" if directory.is_dir() else f"{directory} is not a folder"
         raise OptionError(what, hint="give folders that `hdvplan plan` has written; those of several vehicles are in its DIR: DIR/*/")
     try:
-        summary, regions = (read_json(directory / f"{name}.json") for name in ("summary", "regions"))
+        summary = read_json(directory / "summary.json")
         _check_summary(summary)
+        regions, limits = (read_json(directory / f"{name}.json") for name in ("regions", "limits"))
         _check_list(regions, _REGION, "regions.json")
+        _check_list(limits, _LIMIT, "limits.json")
         tables = {name: _table(directory / f"{name}.csv") for name in _TABLES}
-        plan = PlanFiles(directory, summary, **tables, regions=regions)
+        plan = PlanFiles(directory, summary, **tables, regions=regions, limits=limits)
         _check_tables(plan)
     except FileNotFoundError as error:
         msg = f"the plan in {directory} has no {Path(error.filename).name}"
@@ -161,9 +164,10 @@ def payload_of(plan: PlanFiles) -> Json:
         "count": len(s),
         "spacing": float(s[1] - s[0]),
         "columns": columns,
-        "breaches": summary["breaches"],
+        "breaches": [breach | {"x": breach["x"] - float(x[0]), "y": breach["y"] - float(y[0])} for breach in summary["breaches"]],
         "places": tight_places(plan),
         "regions": [{"region": item["region"], "rings": _beside(item["rings"], float(x[0]), float(y[0]))} for item in plan.regions],
+        "limits": [item | {"lines": _beside(item["lines"], float(x[0]), float(y[0]))} for item in plan.limits],
         "notice": summary.get("notice"),
         "wheels": [[wheel["body"] - 1, wheel["ahead_m"], wheel["left_m"]] for wheel in summary.get("wheels", [])],
         "north": (summary.get("verdict") or {}).get("lon") is not None,
@@ -206,9 +210,9 @@ def packed(values: FloatArray) -> Json:
     return {"scale": scale, "data": base64.b64encode(whole.tobytes()).decode()}
 
 
-def _beside(rings: list[list[list[float]]], x: float, y: float) -> list[list[list[float]]]:
-    """Return rings with their coordinates less the origin's, to 1 cm."""
-    return [np.round(np.array(ring) - [x, y], 2).tolist() for ring in rings]
+def _beside(lines: list[list[list[float]]], x: float, y: float) -> list[list[list[float]]]:
+    """Return lines with their coordinates less the origin's, to 1 cm."""
+    return [np.round(np.array(line) - [x, y], 2).tolist() for line in lines]
 
 
 def _exact(values: FloatArray) -> Json:

@@ -58,6 +58,13 @@ def polygons_of(geometry: shapely.Geometry) -> list[shapely.Polygon]:
     return [part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
+def outlines_of(geometry: shapely.Geometry) -> list[shapely.LineString]:
+    """Return the lines that draw a geometry: a line itself, of polygons their outlines, each with its holes behind it."""
+    if isinstance(geometry, shapely.LineString):
+        return [geometry]
+    return [ring for part in polygons_of(geometry) for ring in (part.exterior, *part.interiors)]
+
+
 def refuse_elsewhere(regions: tuple[Region, ...], path: ReferencePath) -> None:
     """Refuse regions none of which lies near a road: wrong coordinates would go unnoticed, and nothing be in the way.
 

@@ -34,6 +34,7 @@ def test_a_plan_writes_every_file_and_prints_the_balance(cli: Cli, tmp_path: Pat
     folder = tmp_path / "short.bus"
     assert sorted(path.name for path in folder.iterdir()) == [
         "envelope.csv",
+        "limits.json",
         "path.csv",
         "plan.png",
         "profile.csv",

@@ -204,7 +204,7 @@ def test_a_long_road_is_planned_piece_by_piece_from_the_command_line(cli: Cli, t
     assert outcome.out.startswith(YES)
     assert f"{road} has 2 km: it is planned in stretches, without pictures" in outcome.err
     assert sorted(file.name for file in (tmp_path / "plan").iterdir()) == [
-        "envelope.csv", "path.csv", "profile.csv", "regions.json", "run.json", "steps.csv", "summary.json", "swept.geojson",
+        "envelope.csv", "limits.json", "path.csv", "profile.csv", "regions.json", "run.json", "steps.csv", "summary.json", "swept.geojson",
     ]  # fmt: skip
     assert cli("report", "plan", "--out", "report.html").code == 0
 

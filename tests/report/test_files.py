@@ -34,7 +34,7 @@ def test_the_summary_is_there_last(bus: Result, tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(Path, "replace", noted)
     write_plan(bus, tmp_path)
     assert there[-1] == "summary.json"
-    assert len(there) == 9  # and the folder that all are in before
+    assert len(there) == 10  # and the folder that all are in before
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(there[1:])
 
 
@@ -46,7 +46,7 @@ def drawn(bus: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("killed_after", range(12))
+@pytest.mark.parametrize("killed_after", range(13))
 def test_whenever_a_run_is_killed_the_former_plan_or_the_new_one_is_there(
     bus: Result, drawn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, killed_after: int
 ) -> None:
@@ -72,7 +72,7 @@ def test_whenever_a_run_is_killed_the_former_plan_or_the_new_one_is_there(
             write_plan(bus, tmp_path)
     settle(tmp_path)
     found = {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
-    assert (found == former) if killed_after == 0 else (found["summary.json"] == b"{}" and "plan.svg" not in found and len(found) == 8)
+    assert (found == former) if killed_after == 0 else (found["summary.json"] == b"{}" and "plan.svg" not in found and len(found) == 9)
 
 
 @pytest.mark.parametrize("named", ["../mine.txt", "{}/mine.txt", "..", "", "plan/../../mine.txt", "summary.json\0"])

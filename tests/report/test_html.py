@@ -11,14 +11,17 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
+from shapely.affinity import translate
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.judging.balance import balance_of
-from hdvplan.judging.result import Result
+from hdvplan.judging.result import Result, result_of
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import report_html, short_labels, write_report
+from hdvplan.report.layers import limit_features
 from hdvplan.report.planfiles import PlanFiles, packed, payload_of, read_plan, road_frame, tight_places
+from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import Kind, Region
 
 
@@ -167,6 +170,26 @@ def test_obstacles_and_kerbs_come_with_their_distances_and_where_they_lie(straig
         assert (f'class="bad">{distance:.3f}</td>' in report_html([told], "obstacles")) is entered
 
 
+def test_the_page_draws_the_kerbs_where_they_are_not_where_normals_of_the_line_meet_them(straight: Result, tmp_path: Path) -> None:
+    notched = [(-20.0, 3.0), (40.0, 3.0), (41.0, 9.0), (39.0, 9.0), (38.0, 1.0), (110.0, 1.0)]
+    points = [np.array(line) for line in (notched, [(-20.0, -3.0), (110.0, -3.0)])]
+    kerbs = tuple(Kerb(line, line[:, 0], left) for line, left in zip(points, (True, False), strict=True))
+    road = replace(straight.drive.road.with_kerbs(kerbs), bridges=(np.array([(41.0, 9.0), (39.0, 9.0)]),))
+    result = result_of(replace(straight.drive, road=road), solver="piqp", objective="geometric")
+    write_plan(result, tmp_path)
+    plan = read_plan(tmp_path)
+    moved = payload_of(replace(plan, path=plan.path.assign(x=plan.path["x"] + 100.0)))
+    drawn, wanted = moved["limits"], [*limit_features(result)]
+    assert [limit["layer"] for limit in drawn] == [*["limits"] * (len(wanted) - len(result.balance.breaches)), "conflicts"]
+    for limit, feature in zip(drawn, wanted, strict=True):
+        shown = translate(shapely.LineString(limit["lines"][0]), 100.0)
+        there = feature.geometry if limit["layer"] == "limits" else shapely.boundary(feature.geometry)
+        assert shapely.hausdorff_distance(shown, there) < 0.02  # to 1 cm, and what simplifying leaves out
+    page = report_html([plan], "notched")
+    assert page.count("not drawn, bridged") == 1
+    assert "limits of overhangs" not in page.partition("<script")[0]
+
+
 def test_a_breach_names_the_obstacle_that_is_entered_not_the_region_of_a_limit(plan: PlanFiles) -> None:
     edge = plan.summary["breaches"][0] | {"region": "drivable"}
     for obstacle, said in (("hoarding", "the obstacle &#39;hoarding&#39;"), ("", "an obstacle"), (None, "edge of the road")):
@@ -174,7 +197,7 @@ def test_a_breach_names_the_obstacle_that_is_entered_not_the_region_of_a_limit(p
         assert f'<td class="text">{edge["unit"]}</td><td class="text">{said}</td></tr>' in page
 
 
-@pytest.mark.parametrize("missing", ["summary.json", "profile.csv", "regions.json"])
+@pytest.mark.parametrize("missing", ["summary.json", "profile.csv", "regions.json", "limits.json"])
 def test_a_folder_without_a_whole_plan_is_refused(copied: Path, missing: str) -> None:
     (copied / missing).unlink()
     with pytest.raises(OptionError, match=missing):
@@ -187,6 +210,7 @@ def test_a_folder_without_a_whole_plan_is_refused(copied: Path, missing: str) ->
         ("summary.json", "{"),
         ("summary.json", '{"bodies": 3}'),
         ("regions.json", "[1]"),
+        ("limits.json", "[1]"),
         ("steps.csv", "s,total_ms\n"),
         ("envelope.csv", "s,left,right,left_limit,right_limit,expected_left,expected_right\n0,1,-1,2,-2,1,-1\n"),
         ("path.csv", "s,x\n0,1\n"),

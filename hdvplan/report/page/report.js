@@ -62,7 +62,7 @@
       const own = `${breach.side}_limit`, wide = `${breach.side}_sweep_limit`, run = [], wheels = breach.region === "drivable" && Boolean(at[wide]);
       for (let i = sample(breach.s_from); i <= Math.max(sample(breach.s_to), sample(breach.s_from)); i++) run.push(i);
       return { side: breach.side, sign: breach.side === "left" ? 1 : -1, limit: (breach.region === "sweepable" && at[wide]) || at[own], wheels, run,
-        deepest: sample(breach.s_deepest), depth: breach.depth_m };
+        deepest: sample(breach.s_deepest), depth: breach.depth_m, x: breach.x, y: breach.y };
     });
   }
 
@@ -151,18 +151,15 @@
         pen.stroke(); // closes the seams between chunks
       }
     }
-    const line = (offset, colour, thick, dash, skip) => {
-      pen.strokeStyle = colour;
-      pen.lineWidth = thick;
-      pen.setLineDash(dash);
-      for (const { begin, end } of seen) {
-        pen.beginPath();
-        trace(along(begin, end).filter((i) => !skip || !skip(i)).map((i) => place(panel, i, offset(i))));
-        pen.stroke();
-      }
-      pen.setLineDash([]);
-    };
-    line(() => 0, css("--muted"), view.scale > 1 ? 1 : 2, view.scale > 1 ? [8, 5] : []);
+    pen.strokeStyle = css("--muted");
+    pen.lineWidth = view.scale > 1 ? 1 : 2;
+    pen.setLineDash(view.scale > 1 ? [8, 5] : []);
+    for (const { begin, end } of seen) {
+      pen.beginPath();
+      trace(along(begin, end).map((i) => place(panel, i, 0)));
+      pen.stroke();
+    }
+    pen.setLineDash([]);
     for (const { region, rings } of plan.regions) {
       pen.beginPath();
       for (const ring of rings) { trace(ring); pen.closePath(); }
@@ -173,11 +170,17 @@
         pen.globalAlpha = 1;
       } else hatch(pen, width, height);
     }
-    for (const side of ["left", "right"]) {
-      const own = at[`${side}_limit`], wide = at[`${side}_sweep_limit`];
-      if (own && view.scale > 0.3) line((i) => own[i], css("--ink"), 1.4, []);
-      if (wide && view.scale > 0.3) line((i) => wide[i], css("--ink"), 1.2, [2, 3]);
+    for (const { layer, binds, bridged, lines } of view.scale > 0.3 ? plan.limits : []) {
+      const beyond = layer === "conflicts";
+      pen.strokeStyle = pen.fillStyle = css(beyond ? "--bad" : "--ink");
+      pen.lineWidth = 1.4;
+      pen.setLineDash(bridged ? [8, 6] : binds === "overhangs" ? [2, 3] : []);
+      pen.beginPath();
+      lines.forEach(trace);
+      if (beyond) pen.fill("evenodd");
+      pen.stroke();
     }
+    pen.setLineDash([]);
     if (view.scale > 1.5) {
       const long = plan.bodies.reduce((sum, body) => sum + body.front_m + body.rear_m, 0);
       const apart = Math.ceil((1.2 * long) / plan.spacing);
@@ -185,17 +188,10 @@
     }
     pen.font = "12px system-ui, sans-serif";
     const written = [];
-    pen.strokeStyle = pen.fillStyle = css("--bad");
-    pen.lineJoin = "round";
+    pen.fillStyle = css("--bad");
     for (const breach of panel.breaches) {
-      const { side, sign, limit, run, deepest, depth } = breach, outside = reachBeyond(panel, breach);
-      pen.lineWidth = outside ? 2 : 4; // wheels beyond their limit: only where is known, a body's reach is another thing
-      pen.beginPath();
-      const inner = run.map((i) => place(panel, i, limit[i])), outer = outside ? [...run].reverse().map((i) => place(panel, i, outside(i))) : [];
-      trace([...inner, ...outer]);
-      if (outside) { pen.closePath(); pen.fill(); }
-      pen.stroke();
-      const [x, y] = place(panel, deepest, limit[deepest] + sign * (depth + 10 / view.scale));
+      const { side, sign, deepest, depth } = breach, out = (sign * 10) / view.scale;
+      const x = breach.x - out * panel.sin[deepest], y = breach.y + out * panel.cos[deepest];
       if (view.scale < 1.5) { pen.beginPath(); pen.arc(px(x), py(y), 4, 0, 7); pen.fill(); }
       else if (!written.some((other) => other.side === side && Math.abs(other.deepest - deepest) * plan.spacing < 8)) {
         pen.textAlign = sign * panel.sin[deepest] > 0 ? "right" : "left";
