@@ -95,7 +95,7 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool, loop: J
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     warn_of(result, verdict, quiet=quiet)
     if not as_json and not quiet:
-        print_plan(summary_of(result), directory, two_regions=result.two_regions, road=result.drive.road)
+        print_plan(summary_of(result), directory, road=result.drive.road)
     return verdict
 
 
@@ -153,11 +153,11 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
         warn(f"{len(findings) - _MOST_WARNINGS} more such places; summary.json lists all under fit", quiet=quiet)
 
 
-def print_plan(summary: dict[str, Any], directory: Path, *, two_regions: bool, road: Road | None = None) -> None:
+def print_plan(summary: dict[str, Any], directory: Path, *, road: Road | None = None) -> None:
     """Print what a drive sweeps and breaks, then how it was planned, from its summary; ``road`` as in ``balance_table``."""
     from hdvplan.report.tables import balance_table, breach_table, planning_table
 
-    broken = [breach_table(summary["breaches"], two_regions=two_regions)] if summary["breaches"] else []
+    broken = [breach_table(summary["breaches"])] if summary["breaches"] else []
     print_tables(balance_table(summary, road), *broken, planning_table(summary, f"{directory}/"))
 
 
@@ -218,7 +218,7 @@ def plan_long(
     elif not quiet:
         print_line(verdict["text"])
         print_line(verdict["details"])
-        print_plan(summary, directory, two_regions=any(breach["region"] == "sweepable" for breach in summary["breaches"]))
+        print_plan(summary, directory)
     warn_of_steps(summary, quiet=quiet)
     return long_exit_code(summary)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result, body_name
-from hdvplan.road.regions import called
+from hdvplan.road.regions import called, limit_called
 
 
 def solver_texts(result: Result) -> list[str]:
@@ -40,8 +40,8 @@ def breach_text(result: Result, breach: Breach) -> str:
     if breach.obstacle is not None:
         named = called(breach.obstacle)
         return f"the {breach.part} of the {name} enters {named} by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
-    limit = f"{breach.region} {breach.side}" if result.two_regions else breach.side
-    return f"the {breach.part} of the {name} breaks the {limit} limit by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+    limit = limit_called(breach.side, result.drive.road.binds(breach.side, breach.region, *breach.place))
+    return f"the {breach.part} of the {name} breaks {limit} by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
 
 
 def entered_text(result: Result, approach: Approach) -> str:

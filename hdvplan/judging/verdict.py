@@ -14,7 +14,7 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import contact, part_named
 from hdvplan.judging.clearance import Touches
 from hdvplan.judging.result import Proof, Result, body_name
-from hdvplan.road.regions import OPEN_M, called
+from hdvplan.road.regions import OPEN_M, called, limit_called
 from hdvplan.road.road import Road
 
 _NO_MORE_M = 0.005  # to spare: 0.00 m in a sentence
@@ -148,7 +148,7 @@ def _who(result: Result, verdict: Verdict) -> list[str]:
     if verdict.fits is None:
         return [f"{full} to the {verdict.side}", f"{verdict.part} to the {verdict.side}", verdict.part]
     beside = "beyond" if _broken(verdict) else "beside"
-    against = _against(verdict, two_regions=result.two_regions)
+    against = _against(result, verdict)
     part = verdict.part
     return [f"{full} {beside} {against}", f"{part} {beside} {against}", f"{part} {beside} {called('')}", part]
 
@@ -266,12 +266,10 @@ def place_text(x: float, y: float, lonlat: tuple[float, float] | None) -> str:
     return f"{abs(lat):.5f} {'N' if lat >= 0.0 else 'S'}, {abs(lon):.5f} {'E' if lon >= 0.0 else 'W'}"
 
 
-def _against(verdict: Verdict, *, two_regions: bool) -> str:
+def _against(result: Result, verdict: Verdict) -> str:
     if verdict.obstacle is not None:
         return called(verdict.obstacle)
-    if not two_regions:
-        return f"the {verdict.side} limit"
-    return f"the {verdict.side} limit of {'overhangs' if verdict.region == 'sweepable' else 'wheels'}"
+    return limit_called(verdict.side, result.drive.road.binds(verdict.side, str(verdict.region), verdict.x, verdict.y))
 
 
 def _broken(verdict: Verdict) -> bool:

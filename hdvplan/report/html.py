@@ -180,7 +180,7 @@ def _broken(breach: Json) -> str:
     obstacle = breach.get("obstacle")
     if obstacle is not None:
         return called(obstacle)
-    return "edge for overhangs" if breach["region"] == "sweepable" else "edge of the road"
+    return "edge for overhangs" if breach.get("binds") == "overhangs" else "edge of the road"
 
 
 def verdict_text(summary: Json) -> Json:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from hdvplan.judging.bodies import corners, swept_pieces, united
 from hdvplan.judging.result import Result
 from hdvplan.judging.straying import SPACING_M, Posed, chain_of
 from hdvplan.judging.tracked import BRUSH, Tracked
+from hdvplan.road.passages import without_walls
 from hdvplan.road.road import Road
 
 SIMPLER_M = 2.5e-4  # lines leave out points that would move them by no more
@@ -38,11 +40,14 @@ class KerbLine(NamedTuple):
     bridged: bool = False
 
 
-def kerb_lines(road: Road, s_from: float, s_to: float) -> list[KerbLine]:
-    """Return the kerbs beside a stretch of a road [m], those on the left first."""
+def kerb_lines(road: Road, s_from: float, s_to: float, *, walls: bool = True) -> list[KerbLine]:
+    """Return the kerbs beside a stretch of a road [m], those on the left first, with the ``walls`` that close what is behind islands."""
     street = road.kerbs
     if street is None:
         return []
+    if not walls:
+        faces = {id(face) for face in road.passed}
+        street = replace(street, kerbs=tuple(without_walls(kerb) if id(kerb) in faces else kerb for kerb in street.kerbs))
     found = []
     for kerb in street.beside(s_from, s_to):
         named = ("sweepable", "overhangs") if street.two_regions and not kerb.wheels else ("drivable", "wheels")
@@ -58,25 +63,40 @@ def simple_line(points: FloatArray, off: float = SIMPLER_M) -> shapely.LineStrin
 
 
 def shown_kerbs(result: Result, s_from: float = 0.0, s_to: float = np.inf) -> list[KerbLine]:
-    """Return the kerbs that a drawing shows beside a stretch, as far as they are judged: without widths only what is near the drive."""
+    """Return the kerbs that a drawing shows beside a stretch, as far as they are judged: without widths only what is near the drive.
+
+    Those of overhangs are shown where wheels have others.
+    """
     road = result.drive.road
-    found = kerb_lines(road, *judged_stretch(result, s_from, s_to))
+    every = kerb_lines(road, *judged_stretch(result, s_from, s_to), walls=False)
+    of_wheels = [one for one in every if one.binds == "wheels"]
+    found = _less([one for one in every if one.binds == "overhangs"], [one.line for one in of_wheels])
+    found = sorted(of_wheels + found, key=lambda one: one.side)
     if road.bridges:
-        bridges = shapely.buffer(shapely.MultiLineString(list(road.bridges)), SIMPLER_M)
-        solid = [one._replace(line=part) for one in found for part in _lines(shapely.difference(one.line, bridges))]
-        parts = ((one, part) for one in found for part in _lines(shapely.intersection(one.line, bridges)))
-        found = [*solid, *(one._replace(line=part, bridged=True) for one, part in parts)]
+        bridges = _around(road.bridges)
+        found = _less(found, road.bridges) + [one._replace(bridged=True) for one in _parts(found, lambda line: line & bridges)]
     if road.limits is not None:
         return found
     path = road.path
     centre = shapely.LineString(np.column_stack(path.to_plane(np.linspace(0.0, path.length, max(2, int(path.length))), 0.0)))
     near = shapely.buffer(centre, result.balance.half_width + _NEAR_M)
-    return [one._replace(line=part) for one in found for part in _lines(shapely.intersection(one.line, near))]
+    return _parts(found, lambda line: line & near)
 
 
-def _lines(geometry: BaseGeometry) -> list[shapely.LineString]:
-    """Return the lines among the parts of a geometry."""
-    return [part for part in shapely.get_parts(geometry) if isinstance(part, shapely.LineString) and not part.is_empty]
+def _less(kerbs: list[KerbLine], hidden: Iterable[FloatArray | shapely.LineString]) -> list[KerbLine]:
+    """Return what of kerbs does not lie on lines."""
+    area = _around(hidden)
+    return _parts(kerbs, lambda line: line - area)
+
+
+def _around(lines: Iterable[FloatArray | shapely.LineString]) -> BaseGeometry:
+    return shapely.buffer(shapely.MultiLineString(list(lines)), SIMPLER_M)
+
+
+def _parts(kerbs: list[KerbLine], cut: Callable[[shapely.LineString], BaseGeometry]) -> list[KerbLine]:
+    """Return the lines that ``cut`` leaves of each kerb."""
+    parts = ((one, part) for one in kerbs for part in shapely.get_parts(cut(one.line)))
+    return [one._replace(line=part) for one, part in parts if isinstance(part, shapely.LineString) and not part.is_empty]
 
 
 def judged_stretch(result: Result, s_from: float, s_to: float) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from hdvplan.arrays import FloatArray
+from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.fit import finding_json
@@ -57,7 +58,7 @@ def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) 
         "needed_half_width_m": balance.half_width,
         "min_clearance_m": balance.min_clearance,
         "limit_violation_m": max(broken, default=0.0),
-        "breaches": [_breach_json(breach, drive.vehicle) for breach in balance.breaches],
+        "breaches": [_breach_json(breach, drive) for breach in balance.breaches],
         "manners": _steering(result),
         **({"fit": [finding_json(finding) for finding in result.fit.findings]} if forecast else {}),
         "obstacles": [_obstacle_json(near, drive.vehicle) for near in result.approaches],
@@ -204,7 +205,7 @@ def _passed(passed: Passed) -> Json:
     }
 
 
-def _breach_json(breach: Breach, vehicle: Vehicle) -> Json:
+def _breach_json(breach: Breach, drive: Drive) -> Json:
     """Return a breach; x and y in path.csv's plane [m]."""
     return {
         "s_from": breach.s_from,
@@ -212,9 +213,10 @@ def _breach_json(breach: Breach, vehicle: Vehicle) -> Json:
         "s_deepest": breach.s_deepest,
         "depth_m": breach.depth,
         "side": breach.side,
-        "unit": body_name(vehicle, breach.unit),
+        "unit": body_name(drive.vehicle, breach.unit),
         "part": breach.part,
         "region": breach.region,
+        "binds": drive.road.binds(breach.side, breach.region, *breach.place) if breach.obstacle is None else None,
         "obstacle": breach.obstacle,
         "x": breach.place[0],
         "y": breach.place[1],

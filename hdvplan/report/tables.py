@@ -76,8 +76,8 @@ def planning_table(summary: Json, directory: str) -> Table:
     return grid(title, _COLUMNS, rows, text=_TEXT, caption=f"written to {directory}")
 
 
-def breach_table(breaches: Sequence[Json], *, two_regions: bool) -> Table:
-    """Return the deepest of a summary's broken limits in order of s; the region only where overhangs have separate limits."""
+def breach_table(breaches: Sequence[Json]) -> Table:
+    """Return the deepest of a summary's broken limits in order of s, and what they bind where that is not the whole body."""
     deepest = sorted(range(len(breaches)), key=lambda number: -breaches[number]["depth_m"])[:MOST_BREACHES]
     listed = [breaches[number] for number in sorted(deepest)]
     columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "side", "body", "part"]
@@ -85,16 +85,16 @@ def breach_table(breaches: Sequence[Json], *, two_regions: bool) -> Table:
     for breach in listed:
         place = [f"{breach[name]:.1f}" for name in ("s_from", "s_to", "s_deepest")]
         rows.append([*place, f"{breach['depth_m']:.3f}", breach["side"], breach["unit"], breach["part"]])
-        if two_regions:
-            rows[-1].append(breach["region"])
-    if two_regions:
-        columns.append("region")
+    if any(breach["binds"] for breach in listed):
+        columns.append("binds")
+        for row, breach in zip(rows, listed, strict=True):
+            row.append(breach["binds"] or "all")
     if any(breach["obstacle"] is not None for breach in listed):
         columns.append("obstacle")
         for row, breach in zip(rows, listed, strict=True):
             row.append("-" if breach["obstacle"] is None else breach["obstacle"] or "unnamed")
     title = f"broken limits (the deepest {len(rows)} of {len(breaches)})" if len(breaches) > len(rows) else "broken limits"
-    return grid(title, columns, rows, text=("side", "body", "part", "region", "obstacle"))
+    return grid(title, columns, rows, text=("side", "body", "part", "binds", "obstacle"))
 
 
 def _narrowest_rows(facts: RoadFacts) -> list[tuple[str, str, str, str]]:

@@ -250,6 +250,14 @@ def _walls(line: Line, feet: Feet, s: FloatArray, ends: FloatArray, side: Side, 
     return np.stack(line.longer.to_plane(s, np.sign(offset) * np.minimum(np.abs(offset), _FOLD / bend)), axis=1)
 
 
+def without_walls(face: Kerb) -> Kerb:
+    """Return a polygon's face without the walls that close what is behind it."""
+    if face.goes_on:
+        return face
+    seen = slice(int(face.s[0] == face.s[1]), len(face.s) - int(face.s[-2] == face.s[-1]))
+    return replace(face, points=face.points[seen], s=face.s[seen])
+
+
 def _room(polygon: shapely.Polygon, line: shapely.LineString, street: Street | None, side: Side, stretch: tuple[float, float]) -> float:
     """Return the distance from a polygon to the kerbs on one side of it, 0 where it meets one or lies beyond it [m]."""
     kerbs = () if street is None else street.beside(stretch[0] - _SAMPLES_M, stretch[1] + _SAMPLES_M)

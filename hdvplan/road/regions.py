@@ -53,6 +53,11 @@ def called(label: str) -> str:
     return f"the obstacle {label!r}" if label else "an obstacle"
 
 
+def limit_called(side: str, binds: str | None) -> str:
+    """Return what a sentence calls the road's limit on a side; ``binds``: see ``Road.binds``."""
+    return f"the {side} limit of {binds}" if binds else f"the {side} limit"
+
+
 def polygons_of(geometry: shapely.Geometry) -> list[shapely.Polygon]:
     """Return the polygons in a geometry, however deep they lie; lines and points that repairs left over are dropped."""
     return [part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon) and not part.is_empty]

@@ -20,6 +20,7 @@ from hdvplan.road.street import Street
 from hdvplan.road.widened import widened
 
 _SPACING_M = 0.1  # of normals: between two of them a kerb is taken as straight
+_ONE_M = 1e-3  # from each other: two kerbs are one
 _NEAR_M = 6.0  # to the kerbs of most streets
 _BESIDE_M, _WITHIN_M = 1e-6, 1e-3  # that a face is longer than its points, for rounding; from its ends, where walls begin
 
@@ -160,6 +161,13 @@ class Road:
             return None
         lon, lat = self.to_lonlat(np.array([x]), np.array([y]))
         return (float(lon[0]) + 180.0) % 360.0 - 180.0, float(lat[0])  # roads go on across the antimeridian
+
+    def binds(self, side: str, region: str, x: float, y: float) -> str | None:
+        """Return what the limit of a ``region`` binds that a body touches at x, y [m]: "wheels", "overhangs"; None: the whole body."""
+        kerbs = [] if self.kerbs is None else [kerb for kerb in self.kerbs.kerbs if kerb.left is (side == "left")]
+        apart = {wheels: shapely.MultiLineString([kerb.points for kerb in kerbs if kerb.wheels is wheels]) for wheels in (True, False)}
+        wheels, bodies = (shapely.distance(shapely.Point(x, y), lines) for lines in apart.values())
+        return ("overhangs" if region == "sweepable" else "wheels") if abs(wheels - bodies) > _ONE_M else None  # NaN: there is but one
 
     def __getstate__(self) -> dict[str, object]:
         """Return the fields alone: the rest follows from them."""

@@ -9,10 +9,12 @@ import pytest
 import shapely
 
 from hdvplan.judging.bodies import corners
-from hdvplan.judging.result import Result, result_of
+from hdvplan.judging.result import Result, breach_text, result_of
+from hdvplan.judging.verdict import verdict_of, verdict_text
 from hdvplan.report.kerbs import beyond_kerb, broken_kerb, shown_kerbs
 from hdvplan.report.rooms import room_at, tightness
 from hdvplan.road.pieces import Kerb
+from hdvplan.road.regions import Kind, Region
 
 
 def between(straight: Result, *kerbs: list[tuple[float, float]]) -> Result:
@@ -64,6 +66,19 @@ def test_overhangs_beyond_the_kerbs_of_wheels_are_no_conflict(kerbed: Result) ->
         assert area.area > 0.0
         # Between two poses, 0.25 m apart, a corner that turns with a radius of 10 m leaves the chord by a millimetre.
         assert shapely.difference(area, shapely.buffer(wheels, 0.03)).is_empty
+
+
+def test_beside_an_island_that_overhangs_may_cross_limits_are_its_outline_and_the_kerbs_once(straight: Result) -> None:
+    island = shapely.box(40.0, 1.6, 50.0, 2.4)
+    road = replace(straight.drive.road, regions=(Region(Kind.SWEEPABLE, island),)).with_limits(4.0, 1.2)
+    result = result_of(replace(straight.drive, road=road), solver="piqp", objective="geometric")
+    kerbs = shown_kerbs(result)
+    away = [(kerb.side, kerb.binds) for kerb in kerbs if shapely.distance(kerb.line, island) > 0.1]
+    assert away == [("left", "wheels"), ("right", "wheels")]
+    street = shapely.boundary(shapely.box(-500.0, -1.2, 500.0, 4.0) - island)
+    assert all(shapely.covers(shapely.buffer(street, 1e-3), kerb.line) for kerb in kerbs)  # nothing across it behind the island
+    assert {breach_text(result, breach).partition(" by ")[0].rpartition("the ")[2] for breach in result.balance.breaches} == {"right limit"}
+    assert "beyond the right limit;" in verdict_text(result, verdict_of(result))
 
 
 def test_a_conflict_on_the_inside_of_a_bend_is_as_deep_as_its_breach(bus: Result) -> None:
