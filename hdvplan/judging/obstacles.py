@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.driving.drive import Drive, simulate
 from hdvplan.judging.bodies import corners, part_named, placed
+from hdvplan.road.passages import furthest, normals
 from hdvplan.road.path import project_many
 from hdvplan.road.regions import Kind, Region
 from hdvplan.vehicle.body import axles_behind
@@ -52,15 +53,8 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
         return ()
     polygons = np.array([obstacle.polygon for obstacle in obstacles], dtype=object)
     drive = _closely(drive, polygons)
-    outlines = corners(drive, np.arange(len(drive.poses_s)))
-    bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
-    leaving = np.repeat(drive.poses_s > _last(drive), outlines.shape[1])
-    bodies[leaving] = shapely.intersection(bodies[leaving], _before_end(drive))
-    tree = shapely.STRtree(bodies)
-    within, entered = _entered(drive, polygons, bodies, tree)
-    apart = np.setdiff1d(np.arange(len(polygons)), within)
-    places = np.concatenate([entered, _beside(polygons[apart], bodies, tree)])[np.argsort(np.concatenate([within, apart]))]
-    pose, unit = np.divmod(places["body"], outlines.shape[1])
+    places = _places(drive, polygons, polygons)
+    pose, unit = np.divmod(places["body"], len(drive.vehicle.units))
     ahead, across = _on_bodies(drive, pose, unit, places["point"])
     s = _along(drive, pose, unit, ahead, places["point"])
     lap = np.floor(s / drive.road.path.length) * drive.road.path.length if drive.road.path.closed else np.zeros(len(s))
@@ -72,6 +66,39 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
         span, point = (float(s_from[i]), float(s_to[i])), (float(x[i]), float(y[i]))
         found.append(Approach(obstacle, float(places["distance"][i]), float(s[i]), *span, *point, int(unit[i]), side, part))
     return tuple(found)
+
+
+def rooms_beside(drive: Drive, s: FloatArray) -> FloatArray:
+    """Return how far bodies stay from what of obstacles lies beside each of the stations ``s``, (n,) [m], as ``approaches`` has it.
+
+    Infinite where none does, on the road's side of the kerb.
+    """
+    road, rooms = drive.road, np.full(len(s), np.inf)
+    polygons = np.array([region.polygon for region in road.regions if region.kind is Kind.OBSTACLE], dtype=object)
+    if road.beside is None or not len(polygons):
+        return rooms
+    edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
+    here, reach = road.path.at(edges), np.abs(road.beside.table(edges)[2:])
+    most = np.minimum(reach, [furthest(here.curvature), furthest(-here.curvature)])
+    centre, normal = normals(here)
+    ends = np.stack([centre + most[0, :, None] * normal, centre - most[1, :, None] * normal], axis=1)
+    strips = np.asarray(shapely.convex_hull(shapely.linestrings(np.concatenate([ends[:-1], ends[1:]], axis=1))))
+    number, station = shapely.STRtree(strips).query(polygons, predicate="intersects")
+    parts = np.asarray(shapely.intersection(polygons[number], strips[station]))
+    np.minimum.at(rooms, station, _places(_closely(drive, polygons), parts, polygons[number])["distance"])
+    return rooms
+
+
+def _places(drive: Drive, parts: Shapes, wholes: Shapes) -> NDArray[np.void]:
+    """Return where bodies come nearest to ``parts`` of obstacles ``wholes``, or are deepest in them."""
+    outlines = corners(drive, np.arange(len(drive.poses_s)))
+    bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
+    leaving = np.repeat(drive.poses_s > _last(drive), outlines.shape[1])
+    bodies[leaving] = shapely.intersection(bodies[leaving], _before_end(drive))
+    tree = shapely.STRtree(bodies)
+    within, entered = _entered(drive, parts, wholes, bodies, tree)
+    apart = np.setdiff1d(np.arange(len(parts)), within)
+    return np.concatenate([entered, _beside(parts[apart], bodies, tree)])[np.argsort(np.concatenate([within, apart]))]
 
 
 def _closely(drive: Drive, polygons: Shapes) -> Drive:
@@ -119,10 +146,10 @@ def _beside(obstacles: Shapes, bodies: Shapes, tree: shapely.STRtree) -> NDArray
     return places
 
 
-def _entered(drive: Drive, obstacles: Shapes, bodies: Shapes, tree: shapely.STRtree) -> tuple[IntArray, NDArray[np.void]]:
-    """Return the numbers of the obstacles that bodies meet, and where a body is deepest in each of them."""
-    met, inside = tree.query(obstacles, predicate="intersects")
-    overlaps = shapely.intersection(bodies[inside], obstacles[met])
+def _entered(drive: Drive, parts: Shapes, wholes: Shapes, bodies: Shapes, tree: shapely.STRtree) -> tuple[IntArray, NDArray[np.void]]:
+    """Return the numbers of the parts that bodies meet, and where a body is deepest in the obstacle that is the whole of each."""
+    met, inside = tree.query(parts, predicate="intersects")
+    overlaps = shapely.intersection(bodies[inside], parts[met])
     within = shapely.point_on_surface(overlaps)  # corners alone would miss a wall that crosses a body from side to side
     points, owner = shapely.get_coordinates(np.concatenate([overlaps, within]), return_index=True)
     owner %= max(len(overlaps), 1)
@@ -135,7 +162,7 @@ def _entered(drive: Drive, obstacles: Shapes, bodies: Shapes, tree: shapely.STRt
     spots = shapely.points(points)
     in_body = shapely.distance(spots, shapely.boundary(bodies[inside])[owner])
     # How far within the outline of the body or of the obstacle, whichever is further.
-    depths = np.maximum(in_body, shapely.distance(spots, shapely.boundary(obstacles)[met[owner]]))
+    depths = np.maximum(in_body, shapely.distance(spots, shapely.boundary(wholes)[met[owner]]))
     row = np.repeat(np.arange(len(numbers)), np.diff(np.append(first, len(owner))))
     ranked = np.lexsort((-in_body, -np.round(depths, _DIGITS), row))  # of places equally deep that furthest in a body
     deepest = ranked[np.unique(row[ranked], return_index=True)[1]]

@@ -20,7 +20,7 @@ from hdvplan.judging.bodies import corners, swept_pieces, united
 from hdvplan.judging.clearance import touches_of
 from hdvplan.judging.envelope import Envelope
 from hdvplan.judging.fit import Fit, fit_of
-from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.obstacles import Approach, rooms_beside
 from hdvplan.judging.tracking import Tracking, tracking_of
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.objectives import Objective
@@ -150,16 +150,17 @@ class Result:
         """The room that every body leaves to the street's kerbs, (units, n) [m], by side and region; empty without limits."""
         return gaps_of(self.balance.touches)
 
-    @property
+    @cached_property
     def clearance(self) -> FloatArray | None:
         """Least room to any limit at the envelope's arclengths, negative where one is broken, shape (n,) [m]; None without limits.
 
         It is that of a station and its neighbours: from pose to pose a corner may pass by the kerb beside a station.
-        What is least at an obstacle is its distance in the plane, as in ``approaches``.
+        Obstacles count with their distance in the plane, as in ``approaches``.
         """
         if not self.gaps or self.balance.min_clearance is None:
             return None
-        least = running(np.minimum, np.min(np.concatenate([*self.gaps.values()]), axis=0), 1, 1)
+        rooms = rooms_beside(self.drive, self.envelope.s)
+        least = running(np.minimum, np.min([rooms, *np.concatenate([*self.gaps.values()])], axis=0), 1, 1)
         for near in self.approaches:
             if 0.0 <= near.s <= self.drive.road.path.length:
                 at = int(np.argmin(np.abs(self.envelope.s - near.s)))

@@ -58,3 +58,16 @@ def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(strai
     assert "enters the obstacle 'bin' by 0.270 m" in breach_text(judged, breach)
     assert judged.entered == ()
     assert "beyond the obstacle 'bin'" in verdict_line(judged, verdict_of(judged))
+
+
+def test_the_clearance_over_s_is_to_the_obstacle_all_along_it(straight: Result) -> None:
+    wedge = shapely.Polygon([(20.0, 1.5), (30.0, 2.0), (30.0, 5.0), (20.0, 5.0)])
+    bin_ = shapely.box(50.0, 1.0, 52.0, 2.0)
+    road = replace(straight.drive.road, regions=tuple(Region(Kind.OBSTACLE, one) for one in (wedge, bin_))).with_limits(3.0, 3.0)
+    drive = replace(straight.drive, road=road)
+    judged = replace(straight, drive=drive, balance=balance_of(drive))
+    assert judged.clearance is not None
+    s = judged.envelope.s
+    wanted = np.where((s >= 20.0) & (s <= 30.0), 0.23 + 0.05 * (s - 20.0), np.where((s >= 50.0) & (s <= 52.0), -0.27, 1.73))
+    sure = np.min(np.abs(s[:, None] - [20.0, 30.0, 50.0, 52.0]), axis=1) > 0.5  # beside an end the least is that of both
+    np.testing.assert_allclose(judged.clearance[sure], wanted[sure], atol=0.025)  # the wedge rises by 1.9 cm over the places looked at
