@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,6 +25,7 @@ _ROAD = (Layer.ROAD, Layer.OBSTACLES, Layer.SWEEPABLE, Layer.LIMITS)
 _NUMBERS = {"spare_m": "to spare [m]", "clearance_m": "beyond [m] to keep", "half_width_m": "half width [m]", "s_m": "at s [m]"}
 _DIGITS = {"spare_m": 3, "clearance_m": 3, "half_width_m": 3, "s_m": 1}
 _MAPS = 2  # of the places that are tightest for the vehicle with the least room
+_LETTERS = 50  # of a title, within its map
 _BEYOND_M = 0.5  # that the profile shows
 _MAP_OVER_PROFILE = 1.6  # height
 
@@ -103,7 +105,8 @@ def _draw_map(axes: Axes, results: Sequence[Result], tightest: Result, features:
     draw_direction(axes, tightest.drive.road.path, window.s_from, window.s_to, count=2)
     frame(axes, points, room)
     finish_map(axes, north=tightest.drive.road.to_lonlat is not None)
-    axes.set_title(f"{window.title}, {tightest.drive.vehicle.name}", fontsize="medium", loc="left", fontweight="bold")
+    title = textwrap.fill(f"{window.title}, {tightest.drive.vehicle.name}", _LETTERS, break_on_hyphens=False)
+    axes.set_title(title, fontsize="medium", loc="left", fontweight="bold")
 
 
 def _draw_road(axes: Axes, tightest: Result, windows: Sequence[Window]) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 
 from hdvplan.judging.result import Result, result_of
@@ -135,3 +137,13 @@ def test_several_vehicles_are_shown_where_it_is_tight_and_on_the_whole_road(bus:
     assert "overview" in [axes.get_title(loc="left") for axes in figure.axes]
     (reaches,) = [axes for axes in figure.axes if axes.get_ylabel().startswith("reach")]
     assert {bus.drive.vehicle.name, trailer.drive.vehicle.name} <= set(reaches.get_legend_handles_labels()[1])
+
+
+def test_titles_of_maps_beside_each_other_keep_apart_however_long_the_vehicle_s_name(kerbed: Result, bus: Result) -> None:
+    long = replace(kerbed.drive, vehicle=replace(kerbed.drive.vehicle, name="truck-with-dolly-and-semitrailer-of-1998"))
+    figure = compared_figure([replace(kerbed, drive=long), bus])
+    figure.draw_without_rendering()
+    titles = [text for text in figure.findobj(Text) if text.get_text().startswith(("A:", "B:", "overview"))]
+    assert len(titles) == 3
+    pairs = itertools.combinations([title.get_window_extent() for title in titles], 2)
+    assert not any(one.overlaps(other) for one, other in pairs)
