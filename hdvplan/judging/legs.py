@@ -19,6 +19,7 @@ from hdvplan.vehicle.kinematics import critical_angles
 
 JACKKNIFE = "jack-knife"
 _ROUNDING = np.deg2rad(0.1)  # beyond a critical angle: plans keep their bounds at stations, and simulation strays between them by less
+_OFF_M, _TURNED = 0.1, np.deg2rad(2.0)  # off the last leg's line at its end: less is not told
 
 
 @dataclass(frozen=True)
@@ -103,14 +104,16 @@ class LegsResult:
 
     @property
     def details(self) -> str:
-        """What else is known of the leg that decides, as one line."""
+        """What else is known of the leg that decides, as one line, and how askew the vehicle stands at last."""
         at = self.worst
         folded, result = self.jackknives[at], self.results[at]
+        off, turned = (abs(value) for value in self.off_line(len(self.results) - 1))
+        askew = f"; it ends {off:.2f} m and {np.degrees(turned):.0f} degrees off its line" if off > _OFF_M or turned > _TURNED else ""
         if folded is None:
-            return verdict_details(result, self.verdicts[at], self.of(at))
+            return verdict_details(result, self.verdicts[at], self.of(at)) + askew
         ahead, behind = (body_name(result.drive.vehicle, folded.coupling + later) for later in (0, 1))
         own = verdict_line(result, self.verdicts[at], self.of(at))
-        return f"between the {ahead} and the {behind}, at x {folded.x:.1f}, y {folded.y:.1f}; apart from that {own}"
+        return f"between the {ahead} and the {behind}, at x {folded.x:.1f}, y {folded.y:.1f}; apart from that {own}{askew}"
 
     @property
     def room(self) -> float:
@@ -130,6 +133,11 @@ class LegsResult:
     def articulation(self, at: int) -> tuple[FloatArray, FloatArray]:
         """Return the articulations at which a leg begins and ends, in the order of driving, (couplings,) each [rad]."""
         return ends_of(self.results[at].drive, self.legs.legs[at])
+
+    def off_line(self, at: int) -> tuple[float, float]:
+        """Return how far off a leg's line the lead rear axle stands where the leg ends, and is turned, left positive [m, rad]."""
+        across, turned = self.results[at].drive.z[0 if self.legs.legs[at].backward else -1, :2]
+        return float(across), float(turned)
 
     def _rank(self, at: int) -> tuple[bool, bool, float]:
         verdict = self.verdicts[at]

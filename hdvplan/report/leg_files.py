@@ -94,7 +94,13 @@ def _summary(driven: LegsResult, at: int, summary: Json) -> Json:
     begin, end = (np.degrees(angles).tolist() for angles in driven.articulation(at))
     own = {name: value for name, value in summary.items() if name not in _COMMON}
     own |= {} if folded is None else {"status": JACKKNIFE}
-    ends = {"articulation_begin_deg": begin, "articulation_end_deg": end}
+    off, turned = driven.off_line(at)
+    ends = {
+        "articulation_begin_deg": begin,
+        "articulation_end_deg": end,
+        "off_line_end_m": off,
+        "off_line_end_deg": float(np.degrees(turned)),
+    }
     return {"leg": at + 1, "direction": leg.direction} | own | ends | {"jackknife": None if folded is None else _jackknife(folded)}
 
 
