@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -17,6 +18,7 @@ from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.model import Unit
 
 _GRID_M = 1e-6
+_ROUNDING_M = 1e-6  # of arclengths
 
 
 def placed(drive: Drive, numbers: IntArray) -> Records:
@@ -58,8 +60,16 @@ TRACK_NOTE = "outer faces of the outer tyres, which are taken to be as far apart
 
 
 def wheel_tracks(drive: Drive) -> tuple[WheelTrack, ...]:
-    """Return the track of every outer wheel over the whole drive, a point at most every 0.25 m, in the order of ``wheels_of``."""
-    return tracks_at(drive.vehicle, placed(drive, np.arange(len(drive.poses_s))))
+    """Return the track of every outer wheel as far as it is judged, a point at most every 0.25 m, in the order of ``wheels_of``."""
+    tracks = tracks_at(drive.vehicle, placed(drive, np.arange(len(drive.poses_s))))
+    behind, last = axles_behind(drive.vehicle), judged_to(drive)
+    ends = [last + max(0.0, float(behind[track.wheel.unit]) - track.wheel.ahead) for track in tracks]
+    return tuple(replace(track, points=track.points[drive.poses_s <= end]) for track, end in zip(tracks, ends, strict=True))
+
+
+def judged_to(drive: Drive) -> float:
+    """Return where the lead axle leaves an open road [m], beyond which only what is still on it is judged; endless on a closed road."""
+    return np.inf if drive.road.path.closed else float(drive.stations.s[len(drive.kappa)]) + _ROUNDING_M
 
 
 _SPACING_M = 0.1  # of the places on an edge that are looked at

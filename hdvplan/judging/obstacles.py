@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.driving.drive import Drive, simulate
-from hdvplan.judging.bodies import corners, part_named, placed
+from hdvplan.judging.bodies import corners, judged_to, part_named, placed
 from hdvplan.road.passages import furthest, normals
 from hdvplan.road.path import project_many
 from hdvplan.road.regions import Kind, Region
 from hdvplan.vehicle.body import axles_behind
 
-_ROUNDING_M = 1e-6  # of arclengths
 _CLOSE_M = 0.4  # to an obstacle: further than any point of a vehicle moves from one simulated pose to the next
 _APART_M = 0.02  # of poses close to an obstacle: in the tightest bends a corner swings out by as much from one to the next
 _DIGITS = 9  # of depths, which are rounded to compare them [m]
@@ -93,7 +92,7 @@ def _places(drive: Drive, parts: Shapes, wholes: Shapes) -> NDArray[np.void]:
     """Return where bodies come nearest to ``parts`` of obstacles ``wholes``, or are deepest in them."""
     outlines = corners(drive, np.arange(len(drive.poses_s)))
     bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
-    leaving = np.repeat(drive.poses_s > _last(drive), outlines.shape[1])
+    leaving = np.repeat(drive.poses_s > judged_to(drive), outlines.shape[1])
     bodies[leaving] = shapely.intersection(bodies[leaving], _before_end(drive))
     tree = shapely.STRtree(bodies)
     within, entered = _entered(drive, parts, wholes, bodies, tree)
@@ -120,11 +119,6 @@ def _closely(drive: Drive, polygons: Shapes) -> Drive:
             s.append(begin + spacing / count * np.arange(len(states), dtype=float))
     order = np.argsort(np.concatenate(s), kind="stable")
     return replace(drive, poses_s=np.concatenate(s)[order], poses_z=np.concatenate(z)[order])
-
-
-def _last(drive: Drive) -> float:
-    """Return the arclength of the last station: the lead axle has left the road beyond it [m]; endless on a closed road."""
-    return np.inf if drive.road.path.closed else float(drive.stations.s[len(drive.kappa)]) + _ROUNDING_M
 
 
 def _before_end(drive: Drive) -> shapely.Polygon:

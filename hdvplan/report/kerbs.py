@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.judging.balance import Breach
-from hdvplan.judging.bodies import corners, swept_pieces, united
+from hdvplan.judging.bodies import corners, judged_to, swept_pieces, united
 from hdvplan.judging.result import Result
 from hdvplan.judging.straying import SPACING_M, Posed, chain_of
 from hdvplan.judging.tracked import BRUSH, Tracked
@@ -100,11 +100,11 @@ def _parts(kerbs: list[KerbLine], cut: Callable[[shapely.LineString], BaseGeomet
 
 
 def judged_stretch(result: Result, s_from: float, s_to: float) -> tuple[float, float]:
-    """Return a stretch of the road; from or to an open one's end as far beyond as bodies stood and were judged there [m]."""
+    """Return a stretch of the road; from or to an open one's end as far beyond as bodies were judged there [m]."""
     drive, vehicle, path = result.drive, result.drive.vehicle, result.drive.road.path
     if path.closed:
         return max(s_from, 0.0), min(s_to, path.length)
-    low, high = float(drive.poses_s[0]) - vehicle.reach_behind, float(drive.poses_s[-1]) + vehicle.reach_ahead
+    low, high = float(drive.poses_s[0]) - vehicle.reach_behind, min(float(drive.poses_s[-1]), judged_to(drive)) + vehicle.reach_ahead
     return low if s_from <= 0.0 else s_from, high if s_to >= path.length else s_to
 
 

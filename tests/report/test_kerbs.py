@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hdvplan.judging.bodies import corners
+from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, breach_text, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_text
 from hdvplan.report.kerbs import beyond_kerb, broken_kerb, shown_kerbs
@@ -47,7 +47,7 @@ def test_what_lies_beyond_the_end_is_judged_told_and_drawn_there(straight: Resul
     assert np.hypot(*(room.ends[1] - room.ends[0])) == pytest.approx(breach.depth, abs=1e-6)  # micrometres of rounding
     assert beyond_kerb(result, breach).bounds[0] == pytest.approx(84.0)
     (left, _) = (kerb.line for kerb in shown_kerbs(result))
-    reached = corners(result.drive, np.array([len(result.drive.poses_s) - 1]))[0, 0, :, 0].max()
+    reached = corners(result.drive, np.array([pose_at(result.drive, result.drive.road.path.length)]))[0, 0, :, 0].max()
     assert left.bounds[2] >= reached > 84.0
     bridge = np.array([narrow[1], narrow[2]])
     drive = replace(result.drive, road=replace(result.drive.road, bridges=(bridge,)))
