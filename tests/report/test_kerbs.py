@@ -9,7 +9,8 @@ import pytest
 import shapely
 
 from hdvplan.judging.bodies import corners, pose_at
-from hdvplan.judging.result import Result, breach_text, result_of
+from hdvplan.judging.result import Result, result_of
+from hdvplan.judging.sentences import breach_text
 from hdvplan.judging.verdict import verdict_of, verdict_text
 from hdvplan.report.kerbs import beyond_kerb, broken_kerb, shown_kerbs
 from hdvplan.report.rooms import room_at, tightness
