@@ -172,7 +172,7 @@ def refuse_length(points: FloatArray, name: str, long: float, given: str | None 
         raise RoadError(msg, hint=f"a line of more than {long / 1e3:.0f} km needs one a kilometre; {right}")
     if given is not None and 0.0 < length < MIN_LENGTH_M:
         msg = f"{name}: with {given} the road is {length:.2g} m long; at least {MIN_LENGTH_M:g} m are needed"
-        raise RoadError(msg, hint=f"{right} longitude and latitude need no option")
+        raise RoadError(msg, hint=right)
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,7 @@ def test_a_drawing_of_no_street_is_asked_for_its_unit_and_read_with_it(
         ),
         (1.0, RoadOptions(unit="mm"), "with --unit mm the road is 0.2 m long", "are its coordinates as --unit mm says?"),
         (1e3, RoadOptions(unit="m"), "the line is 200 km long", "are its coordinates as --unit m says?"),
-        (1e-5, RoadOptions(crs="EPSG:3006"), "with --crs EPSG:3006 the road is 0.002 m long", "longitude and latitude need no option"),
+        (1e-5, RoadOptions(crs="EPSG:3006"), "the coordinates look like degrees, but EPSG:3006 is in metres", "leave it out"),
     ],
 )
 def test_a_unit_or_a_system_that_makes_no_road_is_named(tmp_path: Path, metres: float, options: RoadOptions, said: str, hint: str) -> None:
