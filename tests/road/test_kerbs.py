@@ -87,9 +87,9 @@ def test_kerbs_of_corners_bound_the_union_of_what_lies_between_line_and_offsets(
     (kerb,) = kerb_of(*street(*map(tuple, points)), reach, closed=False)
     assert np.all(np.diff(kerb.number) >= 0.0)
     line, own = shapely.LineString(points), shapely.LineString(kerb.points)
-    if not (line.is_simple and own.is_simple) or own.intersects(line):
-        return  # an arm crosses or comes close to another one: each keeps its own kerbs
     enclosed = shapely.Polygon(np.vstack([points, kerb.points[::-1]]))
+    if not (line.is_simple and own.is_simple and enclosed.is_valid) or own.intersects(line):
+        return  # an arm crosses or comes close to another one: each keeps its own kerbs
     beyond = quads(points, -reach)  # inside a corner of more than 90 degrees one leg's width reaches over the other leg
     apart = shapely.symmetric_difference(enclosed, quads(points, reach), grid_size=1e-9)  # without it GEOS fails at some corners
     apart = shapely.difference(apart, beyond, grid_size=1e-9)
