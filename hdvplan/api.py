@@ -19,6 +19,8 @@ from hdvplan.proof.answer import proved
 from hdvplan.settings import of_kind
 from hdvplan.solvers.registry import SolverClass, SolverMaker, dependable, solver_named
 
+_CASE = "hdvplan.Case(road, vehicle) is one, of loaded roads and vehicles"
+
 
 def plan(case: Case, *, on_progress: Callable[[float], None] | None = None, on_plan: Callable[[Plan], None] | None = None) -> Result:
     """Plan ``case.vehicle`` along the whole of ``case.road`` in receding horizon, and judge the plan by an exact simulation.
@@ -28,12 +30,13 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None, on_p
     every plan before it is executed; an error that it raises ends the drive.
 
     Raises:
-        OptionError: no such objective, or a bias that the road or the objective has no room for.
+        OptionError: it is no ``Case``, no such objective, or a bias that the road or the objective has no room for.
         SolverError: no such solver, not installed, or neither it nor a second solver found a plan.
         RoadError: the road is shorter than the vehicle, or an obstacle has no room on the side on which it must be passed.
         PlanError: the vehicle cannot be planned along the road's line, even without limits.
 
     """
+    of_kind("case", case, Case, _CASE)
     road, passed = choose_sides(case)
     own = replace(case, road=road)
     try:
@@ -49,6 +52,7 @@ def plan(case: Case, *, on_progress: Callable[[float], None] | None = None, on_p
 
 def follow(case: Case, path: GivenPath) -> Followed:
     """Return the drive along a path of one's own without judging it; see ``judge`` for the errors."""
+    of_kind("case", case, Case, _CASE)
     of_kind("path", path, GivenPath, "hdvplan.GivenPath(points) is one, of an array (n, 2)")
     return followed(case.road, case.vehicle, case.settings, path, objective_named(case.objective))
 

@@ -66,6 +66,8 @@ PLAIN = hdvplan.Case(hdvplan.load_road("uturn"), hdvplan.load_vehicle("bus"))
         (lambda: hdvplan.Case(**vars(PLAIN) | {"bias": 0.3}), r"bias must be a Bias, not 0\.3\nhint: hdvplan\.Bias\.constant"),
         (lambda: hdvplan.Case(**vars(PLAIN) | {"settings": {}}), r"settings must be a PlannerSettings, not \{\}"),
         (lambda: replace(PLAIN, objective="balancd"), r"unknown objective 'balancd'\nhint: did you mean 'balanced'\?"),
+        (lambda: hdvplan.plan("uturn"), r"case must be a Case, not 'uturn'\nhint: hdvplan\.Case\(road, vehicle\)"),  # type: ignore[arg-type]
+        (lambda: hdvplan.closed_loop(PLAIN), r"result must be a Result, not Case.*\nhint: hdvplan\.plan"),  # type: ignore[arg-type]
         (lambda: hdvplan.judge(PLAIN, [[0, 0], [1, 1]]), r"path must be a GivenPath, not \[\[0, 0\], \[1, 1\]\]\nhint: "),  # type: ignore[arg-type]
         (lambda: hdvplan.PlannerSettings(horizon="50"), r"horizon must be a number, not '50'"),  # type: ignore[arg-type]
         (lambda: hdvplan.Vehicle("a", [UNIT]), r"units must be a tuple, not \[Unit\("),  # type: ignore[arg-type]

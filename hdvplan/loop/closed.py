@@ -17,6 +17,7 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import Verdict, verdict_of
 from hdvplan.loop.settings import KM_H, LoopSettings
 from hdvplan.loop.track import Follower, Seen, Track, follower_named
+from hdvplan.settings import of_kind
 
 STEP_S = 0.05  # of the simulation
 NOISES = {"offset": (0.05, 2.0), "heading": (np.radians(0.3), 1.0), "wheels": (np.radians(0.3), 0.5)}  # deviation [m], [rad]; time [s]
@@ -182,6 +183,7 @@ def closed_loop(result: Result, follower: str | Follower = "driver", settings: L
         OptionError: no such follower, or it raises, or returns what is no angle for each run.
 
     """
+    of_kind("result", result, Result, "hdvplan.plan(case) returns one")
     settings = settings or LoopSettings()
     case = replace(result.case, settings=replace(result.case.settings, clearance=0.0, tracking_error=0.0))
     track, vehicle = Track.of(result.drive, settings.speed / KM_H, settings.sideways), result.drive.vehicle
