@@ -26,7 +26,8 @@
 #define FAR_M 1e3     /* of a body from a side without any kerb */
 #define NEARER_M 0.05 /* nearer still, it is looked at in every pose of the interval */
 #define FINE_M                                                                                                         \
-    30.0 /* as far ahead poses between stations are looked at: what is found late moves a plan by centimetres */
+    30.0 /* as far ahead poses between stations are looked at, and new stages at once: what is found late moves a plan \
+            by centimetres */
 #define DRIFT_M 2e-3 /* rows are good for so small a motion, and for a part of the gap: */
 #define DRIFT 0.1
 
@@ -392,7 +393,7 @@ static double write_unit(struct stage_scene *at, int64_t unit) {
         stale =
             stale || (!is_clear(&edges[side], margin, binding) && is_stale(&edges[side], own->clearance, is_fine(at)));
     }
-    int unknown = stale && at->later && edges[0].looked == 0.0;
+    int unknown = stale && at->later && !is_fine(at) && edges[0].looked == 0.0;
     if (stale && !unknown) {
         struct looked found;
         if (!at->before[0].known)
