@@ -53,7 +53,7 @@ def bench(
     A cell is one such combination. Solvers solve quadratic programs (QPs). Every cell is driven once a round, in an order that lets a busy
     or warming machine affect all cells equally. To continue a run that was stopped, give the same command again; --against begins anew.
 
-    --export-qps measures nothing: the first of --solvers drives. Exit code 1: a drive ended early.
+    --export-qps measures nothing: the first of --solvers drives, and exit code 1 says that a drive ended early.
 
     Defaults: ten shipped roads, bus and tractor-trailer, both schemes, riccati, piqp, clarabel and osqp, three rounds, limits
     0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables; the run continues.

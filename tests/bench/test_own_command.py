@@ -34,7 +34,7 @@ from tests.docs.blocks import blocks_of
 OURS = """
 import json, random
 random.seed()
-steps = [[{slow} * (1 + number % 5) * 1e-3 * random.uniform(1.0, 1.002) for number in range(40)] for _ in range(3)]
+steps = [[{slow} * (1 + number % 5) * 1e-4 * random.uniform(1.0, 1.002) for number in range(40)] for _ in range(3)]
 print("some noise before")
 about = {{"steps_s": steps, "s_m": [5.0 * i for i in range(40)], "counters": {{"iterations": {iterations}}}}}
 print(json.dumps({{"cells": {{"depot": about}}}}))
@@ -196,6 +196,25 @@ def test_the_machine_of_a_commands_processes_is_kept_so_that_those_of_two_are_to
     assert comparison.elsewhere
 
 
+def test_sides_of_two_comparisons_are_never_red_as_the_hour_may_differ_as_well() -> None:
+    for name, verdict in (("one", GateVerdict.REGRESSED), ("other", GateVerdict.UNMEASURABLE)):
+        base, new = (
+            side(*[told_steps(slow=slow)] * 10, spent={"comparison": of}) for slow, of in ((1.0, "one"), (1.5, name))
+        )  # fmt: skip
+        comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
+        assert comparison.verdict is verdict
+    assert "sides of two comparisons cannot tell a slower program from a slower hour" in verdict_line(comparison, Rule())
+
+
+def test_what_hardly_takes_time_beside_the_steps_has_no_absurd_ratio_and_what_is_hidden_there_is_red() -> None:
+    spent = {"ran_s": 0.6201, "start_s": 0.6}  # the steps take 20 ms
+    for more, verdict in ((2e-6, GateVerdict.FINE), (0.2, GateVerdict.REGRESSED)):
+        base, new = (side(*[told_steps()] * 10, spent=spent | {"ran_s": 0.6201 + one}) for one in (0.0, more))
+        comparison = compare(base, new, Rule(), Tolerance(), expect_changes=False)
+        (found,) = [one for one in comparison.found if one.quantity.name == "unreported"]
+        assert (found.verdict, found.decision.ratio < 100.0) == (verdict, True)
+
+
 def test_processes_with_an_empty_home_are_cells_of_their_own() -> None:
     warm, slow = side(*[told_steps()] * 10), side(*[told_steps(slow=3.0)] * 10)
     base, new = (replace(warm, cold=cold.processes, cold_about=cold.about) for cold in (warm, slow))
@@ -231,9 +250,10 @@ def test_a_suite_that_ends_well_without_a_benchmark_is_a_failed_program(tmp_path
 
 def test_words_are_split_as_a_shell_would_and_nothing_else_is_done() -> None:
     assert command_words("ours --road 'a b.csv' $(touch owned)") == ("ours", "--road", "a b.csv", "$(touch", "owned)")
-    for text in ("", "'", "a\0b"):
-        with pytest.raises(OptionError):
+    for text in ("", "'", "a\0b", "make && ours"):
+        with pytest.raises(OptionError) as caught:
             command_words(text)
+    assert caught.value.hint == "--command 'sh -c '\"'\"'make && ours'\"'\"''"
 
 
 @pytest.fixture
@@ -310,12 +330,15 @@ def test_a_command_of_ones_own_can_take_turns(cli: Cli, theirs: Path, monkeypatc
         assert all(one[0] != other[0] for one, other in pairwise(pair))  # never the same process twice
 
 
-@pytest.mark.parametrize(("error", "code"), [(UnreachedError, 3), (ProgramError, 1)])
+@pytest.mark.parametrize(
+    ("error", "sides", "code"),
+    [(UnreachedError, ("the working tree",), 3), (ProgramError, ("the working tree",), 1), (ProgramError, ("HEAD", "the working tree"), 2)],
+)
 def test_a_new_program_that_cannot_be_installed_without_an_index_is_no_regression(
-    cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch, error: type[ProgramError], code: int
+    cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch, error: type[ProgramError], sides: tuple[str, ...], code: int
 ) -> None:
     def install(_source: Path, _folder: Path, name: str, *_: object, **_again: object) -> None:
-        if name == "the working tree":
+        if name.startswith(sides):
             raise error(name)
 
     monkeypatch.chdir(theirs)
@@ -337,8 +360,8 @@ def test_a_side_that_hangs_is_named(cli: Cli, theirs: Path, monkeypatch: pytest.
     assert (outcome.code, outcome.out) == (1, "regressed: the working tree did not end within 2 s\n")
     git(theirs, "commit", "--quiet", "--all", "--message", "two")
     outcome = cli(*command, "--time-limit", "2")
-    assert outcome.code == 3
-    assert outcome.out.startswith("could not measure: HEAD (")
+    assert outcome.code == 2  # both do
+    assert "error: neither side can be measured: HEAD (" in outcome.err
 
 
 CACHES = """

@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import monotonic
+from uuid import uuid4
 
 from hdvplan.bench import PATIENCE_S, TIME_LIMIT_S
 from hdvplan.bench.comparing.checkout import checkout
@@ -18,7 +19,7 @@ from hdvplan.bench.comparing.decision import FEWEST, LOOKS, GateVerdict, Rule
 from hdvplan.bench.comparing.environment import base_named, base_program, cache_folder, new_program
 from hdvplan.bench.comparing.processes import Scratch, Started, Turns, in_turn, scratch_folder, shared_cores
 from hdvplan.bench.comparing.programs import Home, Program, ProgramError, UnreachedError
-from hdvplan.bench.comparing.sides import COLD, LOAD, MACHINE, read_side
+from hdvplan.bench.comparing.sides import COLD, COMPARISON, LOAD, MACHINE, read_side
 from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.comparing.work import ABOUT, CommandWork, SuiteWork, Work, placed, refuse_nothing, suite_entries, suite_text
 from hdvplan.bench.suite import Suite
@@ -79,6 +80,7 @@ class _Measuring:
     out: Path
     scratch: Scratch
     begun: dict[str, tuple[Started, Path]] = field(default_factory=dict)
+    name: str = field(default_factory=lambda: uuid4().hex)
 
     def home(self, side: str, name: str = "") -> Home:
         """Return where a process has its home: each side has one that stays; that of a cold process is empty."""
@@ -101,7 +103,7 @@ class _Measuring:
                 self.sides[side].work.keep(ended, target)
             load = load_average()
             if target.is_dir():
-                about = {**ended.spent, LOAD: load[0] if load else None, MACHINE: machine_facts()}
+                about = {**ended.spent, LOAD: load[0] if load else None, MACHINE: machine_facts(), COMPARISON: self.name}
                 write_atomically(target / ABOUT, json_bytes(about))
 
     def warm_up(self) -> Sequence[str]:
@@ -273,15 +275,26 @@ def _compared(
     base: Callable[[], Program], new: Callable[[], Program], work: Suite | CommandWork, settings: Settings, out: Path, scratch: Scratch,
     listener: Listener,
 ) -> Comparison:  # fmt: skip
-    """Make both programs ready, measure them into ``out`` and compare; whichever is not ready is a failure."""
-    contenders: list[Contender] = []
+    """Make both programs ready, measure them into ``out`` and compare; whichever is not ready is a failure.
+
+    Raises:
+        OptionError: neither is.
+
+    """
+    contenders, failures = list[Contender](), list[tuple[str, MeasurementError]]()
     for side, made in zip(SIDES, (base, new), strict=True):
         try:
             program = made()
             contenders.append(Contender(program, _work(program, work, scratch, side)))
+        except UnreachedError as error:
+            return failed(side, str(error), error.tail, blameless=True)
         except MeasurementError as error:
-            tail = error.tail if isinstance(error, ProgramError) else ""
-            return failed(side, str(error), tail, blameless=isinstance(error, UnreachedError))
+            failures.append((side, error))
+    if not contenders:
+        msg = f"neither side can be measured: {failures[0][1]}"
+        raise OptionError(msg, hint=failures[0][1].hint)
+    for side, failure in failures:  # there is at most one
+        return failed(side, str(failure), failure.tail if isinstance(failure, ProgramError) else "")
     old, now = contenders
     about = f"base: {old.program.name}; new: {now.program.name}"
     listener.step(about)

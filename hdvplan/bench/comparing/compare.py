@@ -127,6 +127,7 @@ class Comparison:
     load: float = np.nan  # the machine's load average meanwhile, where it is known
     about: str = ""  # which programs these were, and on what machine
     elsewhere: bool = False  # the sides were measured on different machines: times do not count
+    apart: bool = False  # at different times: nothing proves a slower program
 
     @property
     def is_settled(self) -> bool:
@@ -147,6 +148,7 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
     if elsewhere:
         base, new = (replace(side, processes=(), about=(), cold=(), cold_about=()) for side in (base, new))
         tolerance = replace(tolerance, work=WORK_TOLERANCE)
+    apart = bool(base.comparisons and new.comparisons) and base.comparisons != new.comparisons
     lost = [Change(cell, "status", OK, status) for cell, status in new.lost.items() if cell not in base.lost]
     changes = (*changes_of(base.counters, new.counters, tolerance), *own_changes(base, new), *lost)
     here, there = alike(base.processes, new.processes)
@@ -161,7 +163,9 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
         if one.when_cold:
             whole[(COLD,), one] = _of_all(one, (cold[0], base.cold_about), (cold[1], new.cold_about))
     judged = cells | {key: both for key, both in whole.items() if both is not None and len(both[0]) == pairs > 1}
-    decisions = decide([_pairs(one, both, needed=(name, one) in cells, independent=pairs > 1) for (name, one), both in judged.items()])
+    decisions = decide(
+        [_pairs(one, both, needed=(name, one) in cells, independent=pairs > 1 and not apart) for (name, one), both in judged.items()]
+    )
     entries = [Entry(name, one, decision) for (name, one), decision in zip(judged, decisions, strict=True)]
     found = tuple(entries[len(cells) :])
     times = [_by_cpu(entry, found, here, base.about) for entry in entries[: len(cells)]]
@@ -180,6 +184,7 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
         expected=expect_changes,
         load=_mean([about[LOAD] for side in (base, new) for about in side.about if LOAD in about]),
         elsewhere=elsewhere,
+        apart=apart,
     )
 
 

@@ -106,7 +106,11 @@ class Program:
             raise ProgramError(msg, tail=ended.tail, code=ended.code, hint="--time-limit S allows more")
         if ended.code != 0:
             msg = f"{self.name} ended with {ended.how} and says: {ended.words}"
-            hint = "--extras NAME installs an extra of the project, too" if "No module named" in ended.words else "run it there alone"
+            hint = (
+                "is its name right? --extras NAME installs an extra of the project, too"
+                if "No module named" in ended.words
+                else "run it there alone"
+            )
             raise ProgramError(msg, tail=ended.tail, code=ended.code, hint=hint)
         return ended
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from textwrap import shorten
@@ -26,9 +27,10 @@ TABLES = ("timing.csv", "envelope.csv", "samples.csv.gz")
 IMPORT, PEAK, CPU, START, LOAD = "import_s", "peak_bytes", "cpu_s", "start_s", "load"  # as ``ABOUT`` has them, with how long it RAN
 RAN, UNREPORTED = "ran_s", "unreported_s"
 MACHINE = "machine"  # as ``ABOUT`` and run.json have it
+COMPARISON = "comparison"  # as ``ABOUT`` has it: a name of the comparison that measured a process
 COLD = "cold"  # the folder of processes that began with an empty home
 _MOST_BYTES = 1e18  # more than any machine has
-_LEAST_S = 1e-6  # beside the steps, of a program that runs several at once
+_LEAST_S = 1e-2  # beside the steps, where hardly anything is: ratios of less say nothing, and what counts is ten times as much
 _CHOICE = {"solvers", "vehicles", "roads", "schemes", "classes", "rounds", "budget", "step_limit", "cell_limit", "memory_limit"}
 _LONGEST = 300  # characters of a drive's last words
 
@@ -63,6 +65,7 @@ class Side:
     last_words: Mapping[Name, str] = field(default_factory=dict)  # of cells without a plan in any process: why, in one line
     cold: Processes = ()  # as ``processes``, each of which began with an empty home
     cold_about: tuple[Mapping[str, float], ...] = ()
+    comparisons: frozenset[str] = frozenset()  # of which its processes are, as far as they say
     records: tuple[Mapping[str, Mapping[str, object]], ...] = ()  # what run.json, or ``ABOUT``, says of every process
 
     @property
@@ -111,7 +114,8 @@ def _side(path: Path, folders: list[Path]) -> Side:
         timings = [timing for timing, _, _ in tables]
         about = tuple(map(_about, folders, times))
         counters, records = counters_of(samples, timing, envelope), tuple(_record(folder / "run.json") for folder in folders)
-        return Side(counters, times, about, lost=_lost(timings), last_words=_last_words(timings), records=records)
+        words, of = _last_words(timings), _comparisons(folders)
+        return Side(counters, times, about, lost=_lost(timings), last_words=words, comparisons=of, records=records)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
         msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
         raise OptionError(msg, hint="measure it again") from error
@@ -162,6 +166,15 @@ def _record(file: Path) -> Mapping[str, Mapping[str, object]]:
         return {name: record[name] for name in (MACHINE, "settings") if isinstance(record.get(name), dict)}
     except (OSError, ValueError, AttributeError):
         return {}
+
+
+def _comparisons(folders: Iterable[Path]) -> frozenset[str]:
+    """Return the comparisons that measured processes, of those that say so."""
+    found = set()
+    for folder in folders:
+        with suppress(OSError, ValueError, AttributeError):
+            found.add(str(read_json(folder / ABOUT).get(COMPARISON)))
+    return frozenset(found - {"None"})
 
 
 def check_same_settings(base: Side, new: Side) -> None:
@@ -225,7 +238,8 @@ def _own_side(folders: list[Path]) -> Side:
     )
     counters = tuple({own_name(name): _counted(cell) for name, cell in cells.items()} for cells in measured)
     records = tuple(_record(folder / ABOUT) for folder in folders)
-    return Side(pd.DataFrame(columns=KEY), processes, tuple(map(_about, folders, processes)), counters, records=records)
+    about = tuple(map(_about, folders, processes))
+    return Side(pd.DataFrame(columns=KEY), processes, about, counters, comparisons=_comparisons(folders), records=records)
 
 
 def _counted(cell: OwnSteps) -> Mapping[str, object]:

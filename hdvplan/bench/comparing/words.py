@@ -45,11 +45,13 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     parts += [f"{quantity_words(one)} {one.decision.ratio:.2f} times as {'much' if one.quantity.unit == 'MB' else 'long'}" for one in worse]
     most = max((entry.decision.pairs for entry in comparison.times), default=FEWEST_PAIRS)
     unsure = [quantity_words(one) for one in comparison.found if one.verdict is GateVerdict.UNMEASURABLE and one.decision.pairs < FEWEST]
+    longer = [one for one in unknown if one.decision.ratio > one.decision.counting]
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
-    elif unknown and comparison.processes == 1 and (longer := [one for one in unknown if one.decision.ratio > one.decision.counting]):
+    elif longer and (comparison.processes == 1 or comparison.apart):
         took = _longest(longer, cells, "took longer")
-        parts.append(f"{took}; one process a side cannot tell a slower program from a slower hour, `hdvplan bench --against REV` can")
+        what = "sides of two comparisons" if comparison.apart else "one process a side"
+        parts.append(f"{took}; {what} cannot tell a slower program from a slower hour, `hdvplan bench --against REV` can")
     elif unknown:
         uncertain = f"the times of {len(unknown)} of {cells} cells are too uncertain for a factor of {rule.factor:g}"
         parts.append(uncertain + _could(unknown, comparison))
@@ -195,8 +197,9 @@ def _from(ratio: float) -> str:
 
 def _caption(comparison: Comparison) -> str:
     pairs = max((entry.decision.pairs for entry in comparison.times), default=0)
-    if comparison.processes == 1:
-        return f"One process a side, {pairs} rounds: machine and hour are compared too, so nothing here proves a slower program."
+    if comparison.processes == 1 or comparison.apart:
+        what = "Sides of two comparisons" if comparison.apart else f"One process a side, {pairs} rounds"
+        return f"{what}: machine and hour are compared too, so nothing here proves a slower program."
     repeat = ", with the repeat that it would have called for" if comparison.processes < FEWEST else ""
     hidden = [f"{quantity_words(one)} {_from(one.decision.counting)}" for one in comparison.found if one.decision.unseen]
     unseen = f" Could not see: changes that count could hide in the noise, {', '.join(hidden)} and more." if hidden else ""

@@ -252,6 +252,9 @@ def command_words(text: str) -> tuple[str, ...]:
     except ValueError as error:
         msg = f"the command {text!r} cannot be split into words: {str(error).lower()}"
         raise OptionError(msg, hint="close every quotation; a quotation mark itself has a backslash before it") from error
+    if shell := {"&&", "||", "|", ";"}.intersection(words):
+        msg = f"the command {text!r} is for a shell: {shell.pop()}"
+        raise OptionError(msg, hint=f"--command {shlex.quote(f'sh -c {shlex.quote(text)}')}")
     if not words or "\0" in text:
         msg = f"the command is {'empty' if not words else 'no text'}"
         raise OptionError(msg, hint="--command 'python -m ours.bench' measures your own planner")
