@@ -27,6 +27,8 @@ from hdvplan.vehicle.model import Vehicle
 _APART_M = 1e-6  # nearer points are one
 _ROOM_M = 20.0  # of line beyond the road, for points before its start and beyond its end
 _FAR_M = 50.0  # from the line: such a path is another road's
+_BEGINS_M = 10.0  # beyond the limits, and
+_UNLIMITED_M = 5.0  # from the line to where they are taken to be where there are none: a path does not begin further away
 _ASKEW = 0.1  # that a heading may differ from the direction to the next point [rad]: rounding, and how a curvature changes between them
 _LONG_M = 0.2  # distance of points from which such a direction is known in spite of rounding
 _STEERED_M = 1.0  # over which the curvature is looked at: points rounded to a millimetre then leave an error of 0.002 1/m
@@ -61,7 +63,7 @@ def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: Give
         PlanError: a curvature that the vehicle cannot steer, or a motion that leaves the model's domain.
 
     """
-    _refuse_far(road.path, path.points)
+    _refuse_far(road, path.points)
     curve = _Curve.of(path, vehicle)
     line = road.path.extended(_ROOM_M + vehicle.reach_behind, curve.length + _ROOM_M)
     (feet, offsets), step = _feet(line, road.path.length, curve), settings.step
@@ -218,17 +220,19 @@ def _feet(line: ReferencePath, length: float, curve: _Curve) -> FloatArray:
     return feet
 
 
-def _refuse_far(line: ReferencePath, points: FloatArray) -> None:
+def _refuse_far(road: Road, points: FloatArray) -> None:
     """Refuse a path whose ``points``, (n, 2) [m], begin far from the road, before anything else is found wrong with it.
 
     Raises:
         RoadError: they do.
 
     """
-    there = line.at(np.linspace(0.0, line.length, int(np.ceil(line.length)) + 1))
-    apart = float(np.min(np.hypot(there.x - points[0, 0], there.y - points[0, 1]))) if len(points) else 0.0
-    if apart > _FAR_M:
-        msg = f"the path begins {apart:.0f} m away from the road"
+    s = np.arange(-_FAR_M, road.path.length + _FAR_M)  # a path may begin before the road does
+    there = road.path.extended(_FAR_M, _FAR_M).at(s)
+    limits = _UNLIMITED_M if road.limits is None else np.max(np.abs(road.limits.table(s)[:2]), axis=0)
+    apart = np.hypot(there.x - points[0, 0], there.y - points[0, 1]) if len(points) else np.zeros(1)
+    if np.min(apart - limits) > _BEGINS_M:
+        msg = f"the path begins {np.min(apart):.0f} m away from the road's line"
         raise RoadError(msg, hint=f"{PLANE_HINT}; {ELSEWHERE_HINT}")
 
 
