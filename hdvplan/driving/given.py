@@ -17,6 +17,7 @@ from hdvplan.vehicle.model import Vehicle
 
 PLANE_HINT = "its x and y are in the plane of the road's path (`plane` in summary.json), as path.csv is; or give lon and lat"
 _LINES = (".gpx", ".kml", ".geojson")  # files of lines in longitude and latitude; any other one is a table
+_OF_LINE = {"s", "e_y", "e_psi", "kappa", "K"}  # what path.csv says of the road's line, which is asked again
 _SHAPES = {"points": ("n", "2"), "heading": ("n",), "betas": ("n", "couplings"), "steering": ("n", "active")}
 
 
@@ -81,6 +82,9 @@ def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = N
         columns, unread, lines = _line_in(path), list[str](), list[int]()
     else:
         columns, unread, lines = read_columns(path, ("x", "y"), "path", ("heading", *couplings, *steered), instead=("lon", "lat"))
+
+    if set(unread) >= _OF_LINE:
+        unread = [title for title in unread if title not in _OF_LINE]
 
     def together(names: list[str]) -> FloatArray | None:
         found = [name for name in names if name in columns]

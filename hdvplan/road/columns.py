@@ -164,7 +164,7 @@ def unread_note(unread: Sequence[str], name: str) -> tuple[str, ...]:
     if not unread:
         return ()
     near = [(title, difflib.get_close_matches(folded(title), _MEANINGS, n=1, cutoff=_LIKELY)) for title in unread[:20]]
-    meant = "".join(f"; did you mean {match[0]} by {title}?" for title, match in near if match)
+    meant = "".join(f"; did you mean {match[0]} by {title}?" for title, match in near if match and match[0] != folded(title))
     several = "columns" if len(unread) > 1 else "column"
     return (f"{name}: {several} {', '.join(unread)[:200]} not read{meant}",)
 

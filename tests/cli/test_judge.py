@@ -35,14 +35,16 @@ def summary(folder: str | Path) -> dict[str, object]:
     return found
 
 
-@pytest.mark.parametrize("columns", [["x", "y", "heading", "beta1"], ["x", "y", "heading"], ["x", "y"]])
+@pytest.mark.parametrize("columns", [[], ["x", "y", "heading", "beta1", "kappa"], ["x", "y", "heading"], ["x", "y"]])
 def test_a_plan_s_own_path_is_judged_as_the_plan_was(cli: Cli, planned: Path, short_road: str, columns: list[str]) -> None:
-    pd.read_csv(planned / "path.csv")[columns].to_csv("own.csv", index=False)
+    own = pd.read_csv(planned / "path.csv")
+    (own[columns] if columns else own).to_csv("own.csv", index=False)
     outcome = cli("judge", "own.csv", short_road, "--vehicle", "tractor-trailer", "--half-width", "2", "--out", "judged", "--no-plot")
     assert outcome.code == 0
     assert outcome.out.startswith(YES)
     assert "driven along a given path" in outcome.out
-    assert ("articulations come within 0.000" in outcome.err) == ("beta1" in columns)
+    assert ("articulations come within 0.000" in outcome.err) == (not columns or "beta1" in columns)
+    assert re.findall(r"own.csv: .*", outcome.err) == ["own.csv: column kappa not read"] * ("kappa" in columns)
     before, after = summary(planned), summary("judged")
     for name in ("max_left_m", "max_right_m", "min_clearance_m"):  # means differ: a plan goes on until its last body has left the road
         assert after[name] == pytest.approx(before[name], abs=_ROUNDING_M)
