@@ -100,7 +100,7 @@ class RoadOptions:
 
     def followed_by(self, max_curvature: float) -> RoadOptions:
         """Return the options for a vehicle that turns by at most ``max_curvature`` [1/m]."""
-        return replace(self, max_curvature=REFERENCE_SLACK * max_curvature)
+        return replace(self, max_curvature=min(REFERENCE_SLACK * max_curvature, _TIGHTEST))
 
 
 def ids_of(road_ids: str | Sequence[str]) -> list[str]:

@@ -15,7 +15,7 @@ from hdvplan.errors import VehicleError
 from hdvplan.lengths import METRES
 from hdvplan.schema import parse_toml, read, read_text
 from hdvplan.texts import did_you_mean, printable
-from hdvplan.vehicle.model import Unit, Vehicle, refused_in
+from hdvplan.vehicle.model import MOST_CURVATURE, Unit, Vehicle, refused_in
 
 _DECIMAL_COMMA = re.compile(r"^\s*\w+\s*=\s*[+-]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
 _ACTIVE, _ACTIVELY = "active", 'steered = "active"'
@@ -187,8 +187,9 @@ def _curvature(lead: _UnitTable, way: str, unit: Unit, where: str) -> float:
     if lead.turning_circle is not None:
         return _curvature_between_walls(lead.turning_circle, unit, where)
     radius = lead.turning_radius or 0.0
-    if not unit.wheelbase < radius <= _LARGEST_RADIUS_M:
-        limit = f"larger than the wheelbase of {unit.wheelbase:g} m" if radius <= unit.wheelbase else f"at most {_LARGEST_RADIUS_M:g} m"
+    least = float(np.hypot(unit.wheelbase, 1.0 / MOST_CURVATURE))
+    if not least < radius <= _LARGEST_RADIUS_M:
+        limit = f"larger than {least:.2f} m for this wheelbase" if radius <= least else f"at most {_LARGEST_RADIUS_M:g} m"
         msg = f"{where}: turning_radius = {radius:g} m must be {limit}"
         raise VehicleError(msg, field="turning_radius", hint="it is the least radius of the middle of the front axle")
     return float(1.0 / (radius**2 - unit.wheelbase**2) ** 0.5)
@@ -197,7 +198,8 @@ def _curvature(lead: _UnitTable, way: str, unit: Unit, where: str) -> float:
 def _curvature_between_walls(diameter: float, unit: Unit, where: str) -> float:
     """Return the largest curvature of the rear axle's path from the diameter of the circle that the outer front corner draws."""
     front = unit.wheelbase + unit.front_overhang
-    least = 2.0 * float(np.hypot(front, unit.width))  # then the rear axle turns about its inner end
+    inner = max(0.5 * unit.width, 1.0 / MOST_CURVATURE)  # at least: then the rear axle turns about its inner end
+    least = 2.0 * float(np.hypot(front, 0.5 * unit.width + inner))
     if not least < diameter <= 2.0 * _LARGEST_RADIUS_M:
         limit = f"larger than {least:.2f} m for these dimensions" if diameter <= least else f"at most {2.0 * _LARGEST_RADIUS_M:g} m"
         msg = f"{where}: turning_circle = {diameter:g} m must be {limit}"

@@ -28,6 +28,7 @@ from hdvplan.settings import of_kind
 MAX_DIMENSION_M = 50.0  # no single road unit is longer; catches millimetres and feet
 MAX_RATIO = 2.0  # of steering: an axle that follows its coupling's track exactly has 1
 MAX_ANGLE = 0.25 * np.pi  # of an axle's wheels [rad]; catches degrees
+MOST_CURVATURE = 1.0  # [1/m], and of its change [1/m^2]
 MOST_UNITS = core.number("HDV_MOST_UNITS")  # road trains on roads have up to nine; what planning takes grows with the cube of their number
 MAX_RATE = 1.0  # of an active axle's wheels [rad/m]; catches degrees
 
@@ -148,8 +149,8 @@ class Vehicle:
             ("max_curvature_rate", self.max_curvature_rate, "1/m^2"),
         ):
             of_kind(name, value, Real, error=VehicleError)
-            if not (np.isfinite(value) and 0.0 < value <= 1.0):
-                msg = f"vehicle {self.name!r}: {name} = {value:g} {unit} must lie above 0 and be at most 1"
+            if not (np.isfinite(value) and 0.0 < value <= MOST_CURVATURE):
+                msg = f"vehicle {self.name!r}: {name} = {value:g} {unit} must lie above 0 and be at most {MOST_CURVATURE:g}"
                 raise VehicleError(msg, field=name)
         lead = f"vehicle {self.name!r}, unit 1"
         with refused_in(lead):

@@ -13,6 +13,7 @@ from hdvplan.road.line import is_closed
 from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.scenarios import shipped
+from hdvplan.vehicle.model import MOST_CURVATURE
 
 STRAIGHT = "x,y\n0,0\n50,0\n100,0\n"
 
@@ -119,6 +120,10 @@ def test_options_that_a_road_cannot_heed_are_refused(
 def test_impossible_options_are_refused(options: dict[str, float]) -> None:
     with pytest.raises(OptionError):
         RoadOptions(**options)  # type: ignore[arg-type]
+
+
+def test_a_road_is_read_for_every_vehicle() -> None:
+    assert RoadOptions().followed_by(MOST_CURVATURE).max_curvature < MOST_CURVATURE
 
 
 def test_widths_travel_to_the_smoothed_line(tmp_path: Path) -> None:
