@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
 from hashlib import file_digest, sha256
@@ -20,8 +20,10 @@ from traceback import extract_tb
 from types import ModuleType
 
 from hdvplan.errors import HdvplanError, OptionError, SolverError
+from hdvplan.texts import did_you_mean, some_of
 
 _REFERENCE = re.compile(r"(?P<home>.+):(?P<name>[^\W\d]\w*)")
+_MOST_SHOWN = 5  # names in a hint
 _DIGITS = 16  # of a digest in hexadecimal
 _OURS = Path(__file__).resolve().parent
 
@@ -49,6 +51,13 @@ def offers(kind: Kind) -> dict[str, metadata.EntryPoint]:
     """Return what installed packages offer, by name; nothing is loaded. Of two of one name the first package in the alphabet has it."""
     found = sorted(metadata.entry_points(group=kind.group), key=lambda point: (point.name, point.dist.name if point.dist else ""))
     return {point.name: point for point in reversed(found)}
+
+
+def unknown(kind: Kind, name: str, known: Collection[str]) -> HdvplanError:
+    """Return the refusal of a name that is none of the ``known`` ones, nor a reference or an offer."""
+    listed = f"{kind.word}s: {', '.join(known)}, or your own: file.py:name"
+    hint = f"name the {kind.word} in the file, too: {name}:NAME" if name.endswith(".py") else did_you_mean(name, known, listed)
+    return kind.error(f"unknown {kind.word} {name!r}", hint=hint)
 
 
 def load(kind: Kind, name: str) -> Callable[..., object] | None:
@@ -80,8 +89,11 @@ def _called(kind: Kind, name: str, get: Callable[[], object]) -> Callable[..., o
         elif isinstance(error, ModuleNotFoundError) and error.name and home.startswith(error.name):
             hint = "install the package, or name its file: file.py:name"
         own = name.rpartition(":")[2]
-        missing = isinstance(error, AttributeError) and isinstance(error.obj, ModuleType) and error.name == own
-        why = f"{home} has no {own}" if missing else f"{error_text(error)}{raised_at(error)}"
+        why = f"{error_text(error)}{raised_at(error)}"
+        if isinstance(error, AttributeError) and isinstance(error.obj, ModuleType) and error.name == own:
+            why, module = f"{home} has no {own}", error.obj.__name__
+            there = [one for one, thing in vars(error.obj).items() if callable(thing) and getattr(thing, "__module__", None) == module]
+            hint = did_you_mean(own, there, f"it has {some_of(there, _MOST_SHOWN) or 'no class or function'}")
         msg = f"{kind.word} {name!r} cannot be loaded: {why}"
         raise kind.error(msg, hint=hint) from error
     if not callable(found):

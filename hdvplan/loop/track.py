@@ -16,7 +16,6 @@ from hdvplan.driving.drive import Drive
 from hdvplan.errors import OptionError
 from hdvplan.judging.straying import SPACING_M, chain_of
 from hdvplan.road.arcs import wrapped
-from hdvplan.texts import did_you_mean
 
 _SLOWING_M = 10.0  # before and beyond a bend, along which it is driven as slowly as there
 _AHEAD_S, _UNNOTICED_M = 1.5, 0.1  # the driver: how far ahead an error shall be gone, and how much of it is let pass
@@ -134,8 +133,7 @@ def follower_named(name: str | Follower) -> Follower:
         return FOLLOWERS[name]
     found = plugins.load(plugins.FOLLOWER, name)
     if found is None:
-        msg = f"unknown follower {name!r}"
-        raise OptionError(msg, hint=did_you_mean(name, FOLLOWERS, f"followers: {', '.join(FOLLOWERS)}, or your own: file.py:name"))
+        raise plugins.unknown(plugins.FOLLOWER, name, FOLLOWERS)
     return _foreign(name, cast("Follower", found))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from hdvplan import plugins
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import OBJECTIVE_NAMES, WEIGHTED
-from hdvplan.texts import did_you_mean
 
 
 def check_objective(name: str) -> None:
@@ -16,8 +15,7 @@ def check_objective(name: str) -> None:
 
     """
     if share_of(name) is None and name not in OBJECTIVE_NAMES and plugins.load(plugins.OBJECTIVE, name) is None:
-        msg, known = f"unknown objective {name!r}", objective_names()
-        raise OptionError(msg, hint=did_you_mean(name, known, f"objectives: {', '.join(known)}"))
+        raise plugins.unknown(plugins.OBJECTIVE, name, objective_names())
 
 
 def objective_names() -> list[str]:

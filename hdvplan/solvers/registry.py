@@ -15,7 +15,6 @@ from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker, backed
 from hdvplan.solvers.catalogue import GENERIC, NATIVE, THROUGH, Generic, Native
 from hdvplan.solvers.guards import ForeignWorkspace, hard_first
-from hdvplan.texts import did_you_mean
 
 SolverClass = Callable[..., QpWorkspace]  # called with a shape, and with ``elastic`` and ``tolerance`` where it has them
 DEFAULT = "riccati"
@@ -181,13 +180,10 @@ def _row(name: str) -> Native | Generic | None:
     row = GENERIC.get(name.removeprefix(THROUGH)) if name.startswith(THROUGH) else NATIVE.get(name)
     if row is not None or plugins.is_reference(name) or name in plugins.offers(plugins.SOLVER):
         return row
-    msg = f"unknown solver {name!r}"
-    if name.endswith(".py"):
-        raise SolverError(msg, hint=f"of a file name the class, too: {name}:MySolver")
     if name.startswith(THROUGH):
+        msg = f"unknown solver {name!r}"
         raise SolverError(msg, hint=f"through qpsolvers: {', '.join(GENERIC)}")
-    known = [info.name for info in solver_infos()]
-    raise SolverError(msg, hint=did_you_mean(name, known, f"solvers: {', '.join(known)}"))
+    raise plugins.unknown(plugins.SOLVER, name, [info.name for info in solver_infos()])
 
 
 def _class(solver: str | SolverClass) -> SolverClass:
