@@ -142,5 +142,9 @@ class BenchFiles:
     ] = None
     export_qps: Annotated[Path | None, Setting("Measure nothing: write the QPs of the drives of the first of --solvers.", "DIR")] = None
     qp_format: Annotated[
-        str, Setting("Of --export-qps: matrices, dense or sparse, or stages.", choices=("qpbenchmark", "npz", "acados"))
+        str,
+        Setting(
+            "Of --export-qps: matrices, dense (needs pyarrow, of the extra study) or sparse, or stages.",
+            choices=("qpbenchmark", "npz", "acados"),
+        ),
     ] = "qpbenchmark"
