@@ -113,6 +113,9 @@ def test_the_citation_names_this_version_and_the_papers() -> None:
     sources = (ROOT / "docs" / "paper.bib").read_text(encoding="utf-8")
     for accented, letter in ((r"{\aa}", "å"), (r"{\c{c}}", "ç")):
         sources = sources.replace(accented, letter)
+    (own,) = (source for source in sources.split("\n\n") if source.startswith("@software"))
+    for words in (cited["title"], cited["authors"][0]["name"], cited["version"], cited["license"]):
+        assert f"{{{words}}}" in own
     for paper in cited["references"]:
         (entry,) = (source for source in sources.split("\n\n") if paper["title"] in source)
         names = (f"{author['given-names']} {author['family-names']}" for author in paper["authors"])
