@@ -163,6 +163,7 @@ def print_plan(summary: dict[str, Any], directory: Path, *, road: Road | None = 
 
 def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     """Return the exit code; what is broken is an error that names the deepest place."""
+    from hdvplan.judging.clearance import half_width_of
     from hdvplan.judging.sentences import breach_text, entered_text
     from hdvplan.judging.verdict import strays_text
 
@@ -176,9 +177,10 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     breach = max(result.balance.breaches, key=lambda breach: breach.depth, default=None)
     hit = min(result.entered, key=lambda approach: approach.distance, default=None)
     if breach is not None and (hit is None or breach.depth >= -hit.distance):
+        half, _ = half_width_of(result.drive, result.envelope.s, verdict.half_width)
         report_error(
             breach_text(result, breach),
-            f"this {what} sweeps a half width of {verdict.half_width:.2f} m; "
+            f"this {what} sweeps a half width of {half:.2f} m about the line as given; "
             "`hdvplan need ROAD --vehicle NAME` finds the least room that a plan needs",
         )
     elif hit is not None:

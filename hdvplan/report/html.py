@@ -42,7 +42,7 @@ _DRIVEN = (
     ("imbalance", "m", "imbalance_m", 3, "max left less max right: 0 where the two extremes agree"),
     ("mean |left + right|", "m", "mean_abs_imbalance_m", 3, "the imbalance of each place, averaged over the road"),
     ("expected half width", "m", "expected_half_width_m", 3, "reach to either side in a steady circle as tight as the tightest bend"),
-    ("needed half width", "m", "needed_half_width_m", 3, "room to both sides of the line that would hold all that this plan sweeps"),
+    ("needed half width", "m", "needed_half_width_m", 3, "beside the smoothed line, without limits the given one, for all that is swept"),
     ("min clearance", "m", "min_clearance_m", 3, "least room between the vehicle and a limit; negative: it reaches beyond"),
     ("tracking error", "m", "tracking_error_m", 3, "how far the driver may stray, so that the vehicle still keeps all limits"),
     ("limit violation", "m", "limit_violation_m", 3, "furthest that the vehicle reaches beyond a limit"),

@@ -119,6 +119,13 @@ def test_a_path_that_leaves_the_street_is_a_no_that_speaks_of_the_path_alone(cli
     assert (Path("beside.short.tractor-trailer") / "swept.geojson").is_file()
 
 
+def test_the_room_that_a_plan_would_need_counts_from_the_line_as_given(cli: Cli) -> None:
+    Path("corner.csv").write_text("x,y\n0,0\n30,0\n45,30\n45,60", encoding="utf-8")
+    told = cli("plan", "corner.csv", "--vehicle", "bus", "--half-width", "1.5", "--no-refine", "--no-proof", "--no-plot")
+    lacking, half = (float(re.findall(rf"{words} ?([\d.]+) m", told.out + told.err)[0]) for words in ("NO:", "a half width of"))
+    assert half == pytest.approx(1.5 + lacking, abs=0.011)  # two roundings
+
+
 def test_a_part_of_a_road_is_judged_by_itself_and_said(cli: Cli, planned: Path, short_road: str) -> None:
     path = pd.read_csv(planned / "path.csv")
     path[(path["s"] > 9.9) & (path["s"] < 52.0)].to_csv("part.csv", index=False)
