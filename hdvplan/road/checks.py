@@ -13,6 +13,7 @@ import shapely
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
+from hdvplan.road.limits import WIDEST_M
 from hdvplan.settings import any_of
 from hdvplan.texts import some_of
 
@@ -43,9 +44,8 @@ _CODES = {  # what INSUNITS says, and how long that is [m]
     _IN_METRES: ("metres", METRES["m"]),
     21: ("US survey feet", 1200.0 / 3937.0),
 }
-# Beyond these no line is a street's: one of 100 m is 100 km long in millimetres, and an edge 3 m from it is at 300 m in centimetres.
+# Beyond these no line is a street's: one of 100 m is 100 km long in millimetres.
 _LONGEST_M = 100e3
-_WIDEST_M = 250.0  # from the line to the nearer of its limits
 _NARROWEST_M = 0.25
 
 
@@ -243,14 +243,14 @@ def _oddity(parts: Sequence[FloatArray], reaches: FloatArray | None, edges: Sequ
         return f"the points of its line are {_told(length / steps)} apart"
     if reaches is not None:
         left, right = np.median(reaches[:2], axis=1).tolist()
-        return f"its limits are {_told(left + right)} apart" if min(left, right) > _WIDEST_M or left + right < 2.0 * _NARROWEST_M else None
+        return f"its limits are {_told(left + right)} apart" if min(left, right) > WIDEST_M or left + right < 2.0 * _NARROWEST_M else None
     if edges:
         line = shapely.MultiLineString(list(parts))
         shapely.prepare(line)
         points = np.concatenate(list(edges))
         drawn_beside = shapely.linestrings(points, indices=np.repeat(np.arange(len(edges)), [len(edge) for edge in edges]))
-        if not np.any(shapely.dwithin(line, drawn_beside, _WIDEST_M)):
-            return f"its edges are more than {_told(_WIDEST_M)} from its line"
+        if not np.any(shapely.dwithin(line, drawn_beside, WIDEST_M)):
+            return f"its edges are more than {_told(WIDEST_M)} from its line"
         if np.all(shapely.dwithin(line, shapely.points(points), _NARROWEST_M)):
             return f"its edges are within {_told(_NARROWEST_M)} of its line"
     return None

@@ -9,6 +9,8 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
 
+WIDEST_M = 250.0  # from a line to the nearer of its limits: beyond it is no street, but one of 3 m in centimetres
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -40,10 +42,13 @@ class Limits:
     def constant(cls, left: float, right: float, length: float) -> Limits:
         """Return limits that are the same everywhere; ``left`` and ``right`` are positive reaches [m]."""
         for side, reach in (("left", left), ("right", right)):
+            what = "half width" if left == right else f"{side} limit"
             if not (np.isfinite(reach) and reach > 0.0):
-                what = "half width" if left == right else f"{side} limit"
                 msg = f"the {what} must be a positive number of metres, not {reach:g}"
                 raise OptionError(msg)
+            if reach > WIDEST_M:
+                msg = f"the {what} must be at most {WIDEST_M:g} m, not {reach:g}"
+                raise OptionError(msg, hint="is it in metres?")
         s = np.array([0.0, length])
         one = np.ones(2)
         return cls(s, left * one, -right * one, left * one, -right * one)

@@ -88,3 +88,11 @@ def test_limits_that_contradict_each_other_are_refused_with_their_place(
 def test_a_constant_limit_is_a_positive_number_of_metres(left: float, right: float, named: str) -> None:
     with pytest.raises(OptionError, match=f"the {named} must be a positive number"):
         Limits.constant(left, right, 100.0)
+
+
+@pytest.mark.parametrize(("left", "right", "named"), [(3750.0, 3750.0, "half width"), (3.0, 250.1, "right limit")])
+def test_a_constant_limit_that_no_street_has_is_refused(left: float, right: float, named: str) -> None:
+    with pytest.raises(OptionError, match=f"the {named} must be at most 250 m, not {right:g}") as caught:
+        Limits.constant(left, right, 100.0)
+    assert caught.value.hint == "is it in metres?"
+    assert Limits.constant(250.0, 250.0, 100.0).right[0] == -250.0

@@ -111,7 +111,7 @@ def test_a_broken_limit_is_drawn_with_its_depth_on_the_map_and_over_s(kerbed: Re
 
 
 def test_limits_far_away_shrink_neither_map_nor_envelope(bus: Result) -> None:
-    road = bus.drive.road.with_limits(500.0, 500.0)
+    road = bus.drive.road.with_limits(250.0, 250.0)
     figure = plan_figure(result_of(replace(bus.drive, road=road), solver="piqp", objective="geometric"))
     figure.draw_without_rendering()
     reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
