@@ -36,7 +36,7 @@ class _UnitTable:
     name: str | None = None
     front_overhang: float = 0.0
     rear_overhang: float | None = None
-    hitch_offset: float = 0.0
+    hitch_offset: float | None = None
     length: float | None = None
     turning_radius: float | None = None  # these two are other ways to say max_curvature
     turning_circle: float | None = None
@@ -166,7 +166,12 @@ def _parsed(text: str, default_name: str) -> tuple[Vehicle, _UnitTable]:
     steering = {key: getattr(lead, key) for key in _given(lead, ("max_curvature", "max_curvature_rate"))}
     if ways := _given(lead, _TURNING[:2]):
         steering["max_curvature"] = _curvature(lead, ways[0], units[0], f"vehicle {name!r}, unit 1")
-    return Vehicle(name, units, source=printable(str(table.source)), **steering), lead
+    vehicle = Vehicle(name, units, source=printable(str(table.source)), **steering)
+    loose = next((number for number, one in enumerate(tables[:-1], start=1) if one.hitch_offset is None), None)
+    if loose is not None:
+        msg = f"vehicle {name!r}, unit {loose}: hitch_offset is missing, and unit {loose + 1} is coupled to it"
+        raise VehicleError(msg, field="hitch_offset", hint="hitch_offset = 0 puts the joint on the axle")
+    return vehicle, lead
 
 
 def _given(table: _UnitTable, keys: Sequence[str]) -> list[str]:
@@ -234,7 +239,7 @@ def _unit(table: _UnitTable, number: int, where: str) -> Unit:
     name = printable(table.name or "")
     _check_name(name, where)
     with refused_in(where):
-        return Unit(table.wheelbase, front, rear or 0.0, table.width, table.hitch_offset, name=name, **axle)
+        return Unit(table.wheelbase, front, rear or 0.0, table.width, table.hitch_offset or 0.0, name=name, **axle)
 
 
 def _check_name(name: str, where: str) -> None:

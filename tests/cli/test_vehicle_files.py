@@ -36,6 +36,7 @@ wheelbase = 3.5
 front_overhang = -2.4
 length = 2.0
 width = 2.4
+hitch_offset = 0
 
 [[unit]]
 wheelbase = 6.0

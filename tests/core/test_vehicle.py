@@ -148,7 +148,8 @@ def test_semitrailers_keep_to_the_directive_about_their_kingpins() -> None:
 def test_a_steered_axle_is_read_whether_or_not_it_is_called_so() -> None:
     for word in ("", "steered = true\n"):
         rear, trailer = parse_vehicle(
-            BUS + "steering_ratio = 0.2\n" + BUS + word + "steering_ratio = 0.5\nmax_steering_angle = 0.3", default_name="x"
+            BUS + "steering_ratio = 0.2\nhitch_offset = 0\n" + BUS + word + "steering_ratio = 0.5\nmax_steering_angle = 0.3",
+            default_name="x",
         ).units
         assert (rear.steering_ratio, trailer.steering_ratio, trailer.max_steering_angle) == (0.2, 0.5, 0.3)
 
