@@ -79,7 +79,7 @@ def judge(
     from hdvplan.road.load import find_road
 
     driven = vehicle_named(vehicle, quiet=quiet)
-    found = find_road(road, reading.followed_by(driven.max_curvature))
+    found = find_road(road, reading.followed_by(driven.max_curvature), limited=reaches is not None)
     if found.line is not None and found.line.long:
         msg = f"{found.line.name} is too long to be judged as one road"
         raise RoadError(msg, hint="judge along a shorter part of it")

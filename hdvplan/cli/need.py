@@ -103,7 +103,7 @@ def need(
     from hdvplan.road.load import find_road
 
     vehicles, answers, directory = vehicles_named(vehicle, quiet=quiet), [], Path()
-    roads = [find_road(road, reading.followed_by(driven.max_curvature)) for driven in vehicles]
+    roads = [find_road(road, reading.followed_by(driven.max_curvature), limited=given is not None) for driven in vehicles]
     from hdvplan.case import Case
     from hdvplan.need.answer import edge_need_of, need_of
     from hdvplan.report.files import DRAWINGS, PICTURES

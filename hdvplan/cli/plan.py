@@ -138,7 +138,8 @@ def plan(
 def _found(asked: _Asked, vehicle: Vehicle) -> Found:
     from hdvplan.road.load import find_road
 
-    return find_road(asked.road, asked.reading.followed_by(vehicle.max_curvature))  # mistakes are told before more is loaded
+    reading = asked.reading.followed_by(vehicle.max_curvature)
+    return find_road(asked.road, reading, limited=asked.reaches is not None)  # mistakes are told before more is loaded
 
 
 def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:

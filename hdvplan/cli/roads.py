@@ -71,7 +71,8 @@ def road_info(
     """
     from hdvplan.road.load import find_road
 
-    found = find_road(road, reading)  # bad files are refused before more is loaded
+    reaches = room.reaches()
+    found = find_road(road, reading, limited=reaches is not None)  # bad files are refused before more is loaded
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.fit import facts_of, fit_of, fit_table
     from hdvplan.report.summary import corners_of, smoothing_of
@@ -79,7 +80,7 @@ def road_info(
     from hdvplan.road.regions import distances
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
-    track, reaches = smoothed(found, road, quiet=False), room.reaches()
+    track = smoothed(found, road, quiet=False)
     track = track if reaches is None else track.with_limits(*reaches)
     vehicles = [load_vehicle(preset) for preset in preset_names()]
     facts, fits = facts_of(track), [fit_of(track, vehicle) for vehicle in vehicles]

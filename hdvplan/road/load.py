@@ -73,8 +73,8 @@ def load_road(source: str | Path, options: RoadOptions = _USUAL) -> Road:
     return find_road(source, options)()
 
 
-def find_road(source: str | Path, options: RoadOptions = _USUAL) -> Found:
-    """Read what ``load_road`` would load, and return what makes the road of it.
+def find_road(source: str | Path, options: RoadOptions = _USUAL, *, limited: bool = False) -> Found:
+    """Read what ``load_road`` would load, and return what makes the road of it; one that is ``limited`` by options has no edges.
 
     Raises:
         RoadError: no such file or name, or an unusable file.
@@ -92,6 +92,9 @@ def find_road(source: str | Path, options: RoadOptions = _USUAL) -> Found:
         return Found(SCENARIOS[str(source)], options)
     else:
         raise _unknown(source)
+    if limited and (line.raw.edges or line.raw.sides is not None):
+        note = f"{line.name}: the file's edges are not used: the limits that options give replace them"
+        line = replace(line, raw=replace(line.raw, edges=(), edge_names=(), notes=(*line.raw.notes, note)))
     return Found(partial(_road, line), options, line)
 
 

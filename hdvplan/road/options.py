@@ -81,7 +81,8 @@ class RoadOptions:
         ),
     ] = None
     offset: Annotated[
-        float, Setting("Drive this far to the left of the line, negative: right [m]; the file's edges stay, --half-width moves along.", "M")
+        float,
+        Setting("Drive this far to the left of the line, negative: right [m]; the file's edges stay, --half-width replaces them.", "M"),
     ] = 0.0
     reverse: Annotated[bool, Setting("Drive the line from its end to its start; applied before --offset.")] = False
     max_curvature: Annotated[float, Setting(above=0.0)] = 0.125

@@ -82,6 +82,11 @@ def test_a_drawing_in_millimetres_has_the_verdict_of_the_one_in_metres(cli: Cli,
         assert first == "error: none.dxf says no unit, and in metres the points of its line are 100 km apart, as of no street"
         assert second == "hint: say its unit: --unit mm, cm, m, ft or in"
     assert cli("roads", "info", "none.dxf", "--layer", "AXIS", "--unit", "mm").code == 0
+    replaced = "m: the file's edges are not used: the limits that options give replace them"
+    for words in ("plan --no-plot", "need --no-plot --no-proof", "judge m.bus/path.csv --no-plot", "roads info"):
+        given = (*words.split(), "m.dxf", "--layer", "AXIS", *(() if words == "roads info" else ("--vehicle", "bus")))
+        assert replaced not in cli(*given).err
+        assert replaced in cli(*given, "--half-width", "2").err.splitlines()
 
 
 CORNER = [[0.0, 0.0], [60.0, 0.0], [60.0, 60.0]]
