@@ -22,8 +22,14 @@ from hdvplan.report.rooms import Window, shown_reach, tightest_windows
 from hdvplan.report.style import SLIDE_IN, styled, write_head
 
 _ROAD = (Layer.ROAD, Layer.OBSTACLES, Layer.SWEEPABLE, Layer.LIMITS)
-_NUMBERS = {"spare_m": "to spare [m]", "clearance_m": "beyond [m] to keep", "half_width_m": "half width [m]", "s_m": "at s [m]"}
-_DIGITS = {"spare_m": 3, "clearance_m": 3, "half_width_m": 3, "s_m": 1}
+_NUMBERS = {
+    "spare_m": "to spare [m]",
+    "kept_m": "kept [m]",
+    "clearance_m": "asked [m]",
+    "half_width_m": "half width [m]",
+    "s_m": "at s [m]",
+}
+_DIGITS = {"spare_m": 3, "kept_m": 3, "clearance_m": 3, "half_width_m": 3, "s_m": 1}
 _MAPS = 2  # of the places that are tightest for the vehicle with the least room
 _LETTERS = 50  # of a title, within its map
 _BEYOND_M = 0.5  # that the profile shows
@@ -46,8 +52,10 @@ def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
 
 
 def answer_texts(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows as a terminal shows them: without columns that have no number, and without clearances where none is wanted."""
-    shown = [name for name in _NUMBERS if table[name].notna().any() and (name != "clearance_m" or table[name].any())]
+    """Return the rows as a terminal shows them: without columns that have no number; where a clearance is asked for, with what is kept."""
+    table = table.assign(kept_m=table["spare_m"] + table["clearance_m"])
+    dropped = {"spare_m"} if table["clearance_m"].any() else {"kept_m", "clearance_m"}
+    shown = [name for name in _NUMBERS if name not in dropped and table[name].notna().any()]
     texts = {_NUMBERS[name]: ["-" if np.isnan(value) else f"{value:.{_DIGITS[name]}f}" for value in table[name]] for name in shown}
     answers = table["answer"] + np.where(table["proved"], ", proved", "")
     return pd.DataFrame({"vehicle": table["vehicle"], "answer": answers, **texts, "what decides": table["decides"]})

@@ -236,6 +236,11 @@ def test_a_comparison_tells_proofs_and_places_at_the_road_s_start() -> None:
     assert [*shown] == ["vehicle", "answer", "to spare [m]", "at s [m]", "what decides"]
     assert [*shown["to spare [m]"]] == ["0.000", "-"]
     assert [*shown["answer"]] == ["NO", "NO, proved"]
+    numbers |= {"spare_m": [-0.01, np.nan], "clearance_m": [0.388, 0.388]}  # as --clearance max keeps it, to 1 cm
+    shown = answer_texts(pd.DataFrame({"vehicle": ["bus", "car"], **answers, "decides": ["", ""], **numbers}))
+    assert [*shown["kept [m]"]] == ["0.378", "-"]
+    assert [*shown["asked [m]"]] == ["0.388", "0.388"]
+    assert "to spare [m]" not in shown
 
 
 def test_vehicles_on_a_road_without_limits_are_compared_by_what_they_need(cli: Cli, short_road: str) -> None:
