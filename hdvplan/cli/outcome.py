@@ -176,11 +176,15 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
         return ExitCode.OK
     breach = max(result.balance.breaches, key=lambda breach: breach.depth, default=None)
     hit = min(result.entered, key=lambda approach: approach.distance, default=None)
+    met = next((region.plan for region in result.drive.road.regions if region.plan), None)
+    apart = f"the plan in {met} takes its share: let the two meet at another place, or widen the street"
     if breach is not None and (hit is None or breach.depth >= -hit.distance):
         half, _ = half_width_of(result.drive, result.envelope.s, verdict.half_width)
         report_error(
             breach_text(result, breach),
-            f"this {what} sweeps a half width of {half:.2f} m about the line as given; "
+            apart
+            if met is not None
+            else f"this {what} sweeps a half width of {half:.2f} m about the line as given; "
             "`hdvplan need ROAD --vehicle NAME` finds the least room that a plan needs",
         )
     elif hit is not None:
@@ -193,7 +197,8 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
         report_error(
             f"only {kept:.3f} m of the wanted clearance of {verdict.clearance_wanted:.3f} m are kept "
             f"from {'an obstacle' if verdict.obstacle is not None else f'the {verdict.side} limit'} at s = {verdict.s:.1f} m",
-            "the vehicle fits without that clearance; `hdvplan need ROAD --vehicle NAME --clearance M` finds the room that it takes",
+            "the vehicle fits without that clearance; "
+            + (apart if met is not None else "`hdvplan need ROAD --vehicle NAME --clearance M` finds the room that it takes"),
         )
     return ExitCode.BROKEN
 

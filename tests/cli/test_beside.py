@@ -45,6 +45,7 @@ def test_where_they_cannot_meet_the_place_is_told(cli: Cli, short_road: str) -> 
     own = (short_road, "--vehicle", "bus", "--offset", "-1.75", "--left", "4", "--right", "0.1", "--no-plot")
     again = cli("plan", *own, "--reverse", "--beside", "there", "--no-refine", "--out", "proved")
     assert again.out.splitlines()[1].endswith("that keeps the limits beside the plan in there")
+    assert again.err.splitlines()[-1] == "hint: the plan in there takes its share: let the two meet at another place, or widen the street"
 
 
 def test_a_vehicle_that_does_not_keep_its_own_street_is_no_silent_company(cli: Cli, short_road: str) -> None:
