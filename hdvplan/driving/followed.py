@@ -39,7 +39,7 @@ _NEWTON = 4  # steps; the first guess is between points that are at most some me
 _FORWARD = 0.05  # cosine of the angle to the line, at least
 _HINT = "x and y are the middle of the lead unit's rear axle, heading its direction [rad, counter-clockwise from x]"
 _UNEVEN = 5.0  # times as far apart as most points: a curve through both swings
-_RECORDED = "near points count to the millimetre: smooth a track that was recorded, thin it, or plan along it as a road"
+_RECORDED = "near points count to the millimetre: of a track that was recorded keep one every 5 to 10 m"
 
 
 @dataclass(frozen=True)
