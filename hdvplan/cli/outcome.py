@@ -135,9 +135,9 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     """Warn of what a driver would find too much and, where a vehicle does not fit, of the places that the fit check calls too narrow."""
     from hdvplan.judging.envelope import steering_of, steering_texts
     from hdvplan.judging.fit import finding_text, folded_text
-    from hdvplan.judging.sentences import attempts_text, solver_texts
+    from hdvplan.judging.sentences import attempts_text, crossed_texts, solver_texts
 
-    for text in solver_texts(result):
+    for text in (*crossed_texts(result), *solver_texts(result)):
         warn(text, quiet=quiet)
     if result.attempts:
         note(attempts_text(result), quiet=quiet)

@@ -45,7 +45,7 @@ class Trial:
 class Passed:
     """An obstacle, the side on which it is passed, and the plans of the road around it with either side.
 
-    ``own`` and ``other`` are None where nothing was to be chosen; ``reason`` says why.
+    ``own`` and ``other`` are None where nothing was to be chosen; ``reason`` says why. ``crossed``: the line passes it on the other side.
     """
 
     obstacle: Region
@@ -56,6 +56,7 @@ class Passed:
     own: Trial | None
     other: Trial | None
     reason: str | None
+    crossed: bool
 
 
 @dataclass(frozen=True)

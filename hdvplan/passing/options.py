@@ -146,16 +146,20 @@ def _room(road: Road, spans: FloatArray, number: int, side: Side, others: Mappin
 
 def _by_room(case: Case, spans: FloatArray, number: int, option: Options, fixed: Mapping[int, Side]) -> Options:
     """Return an obstacle's options without those that have no room beside ``fixed`` obstacles."""
-    passage, needed = case.road.passages[number], case.vehicle.width + 2.0 * case.settings.clearance
     if not (option.open or option.forced):
         return option
+    passage, width = case.road.passages[number], case.vehicle.width
+    own = passage.usual if option.open and not passage.on_line else None  # where the line passes it: closed to bodies, not to a clearance
+    asked = {side: width if side is own else width + 2.0 * case.settings.clearance for side in option.sides}
     rooms = {side: _room(case.road, spans, number, side, fixed) for side in option.sides}
     closed = {
-        side: f"{room:.2f} m to the {side} of it, {needed:.2f} m needed" for side, room in rooms.items() if room < needed - 2.0 * KEPT_M
+        side: f"{room:.2f} m to the {side} of it, {asked[side]:.2f} m needed"
+        for side, room in rooms.items()
+        if room < asked[side] - 2.0 * KEPT_M
     }
     if option.forced and closed:
         (side, why), label = next(iter(closed.items())), case.road.regions[passage.region].label
-        s, missing = 0.5 * (passage.s_from + passage.s_to), needed - rooms[side]
+        s, missing = 0.5 * (passage.s_from + passage.s_to), asked[side] - rooms[side]
         msg = f"{called(label)} at s = {s:.1f} m cannot be passed on the {side}: {why}, {missing:.2f} m missing"
         raise RoadError(msg, s_m=s, hint="give no side, to pass it where there is more room")
     if option.forced or not closed:

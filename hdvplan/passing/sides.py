@@ -71,6 +71,7 @@ def choose_sides(case: Case) -> tuple[Road, tuple[Passed, ...]]:
                 continue
             attempt = _memory(case, settled, near, known)
             sides = _improved(_searched(part, road.passages, near, options, attempt), road.passages, near, attempt)
+            sides = _left_beside(sides, road.passages, near, attempt)
             tried_ |= {number: _both(number, sides, road.passages, near, attempt) for number in part}
             chosen |= sides
             settled = settled | sides
@@ -81,7 +82,8 @@ def choose_sides(case: Case) -> tuple[Road, tuple[Passed, ...]]:
 
 def _passed(case: Case, passage: Passage, option: Options, side: Side, trials: tuple[Trial, Trial] | None) -> Passed:
     own, other = trials or (None, None)
-    return Passed(case.road.regions[passage.region], passage.s_from, passage.s_to, side, option.forced, own, other, option.reason)
+    region, crossed = case.road.regions[passage.region], not (passage.on_line or side is passage.usual)
+    return Passed(region, passage.s_from, passage.s_to, side, option.forced, own, other, option.reason, crossed)
 
 
 def _groups(numbers: Sequence[int], passages: Sequence[Passage], near: float) -> list[list[int]]:
@@ -163,6 +165,20 @@ def _improved(sides: Sides, passages: Sequence[Passage], near: float, attempt: T
                 best[number] = best[number].other
         if best == before:
             break
+    return best
+
+
+def _left_beside(sides: Sides, passages: Sequence[Passage], near: float, attempt: Try) -> Sides:
+    """Return a group's sides where an obstacle that the line leaves free is passed as the line passes it, if the vehicle fits there.
+
+    The other side may be that of oncoming traffic: more room is no reason to go there.
+    """
+    best = dict(sides)
+    for number, side in sides.items():
+        if not passages[number].on_line and side is not passages[number].usual:
+            own, usual = _both(number, best, passages, near, attempt)
+            if usual.clearance >= min(own.clearance, 0.0) - KEPT_M:
+                best[number] = side.other
     return best
 
 

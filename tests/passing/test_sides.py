@@ -13,6 +13,7 @@ from hdvplan.api import plan
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
+from hdvplan.judging.sentences import crossed_texts
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.passing import options
 from hdvplan.passing.sides import choose_sides
@@ -81,6 +82,15 @@ def test_of_two_free_sides_the_one_that_is_less_off_the_centre_is_taken() -> Non
     assert passed.other is not None
     assert passed.own.violation == passed.other.violation == 0.0
     assert passed.own.off_centre < passed.other.off_centre
+
+
+@pytest.mark.parametrize(("right", "side"), [(2.5, R), (2.3, R), (1.9, L)])
+def test_an_obstacle_beside_the_line_is_passed_as_the_line_passes_it_where_the_vehicle_fits(right: float, side: Side) -> None:
+    road = road_with([(60.0, 66.0, 0.5, 2.0)]).with_limits(9.0, right)  # right of it 3.0, 2.8 and 2.4 m: too little, too, for the clearance
+    result = plan(Case(road, BUS, settings=PlannerSettings(clearance=0.2)))
+    assert [passed.side for passed in result.passed] == [side]
+    warned = "the obstacle 'o0' at s = 63.0 m is passed on the left, the line passes it on the right"
+    assert [text.split(":")[0] for text in crossed_texts(result)] == ([warned] if side is L else [])
 
 
 def test_a_side_is_forced_for_one_obstacle_or_for_all_on_the_line() -> None:
