@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.answers import NO, without_word
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from hdvplan.vehicle.model import Vehicle
 
 LEAD, LAST = "lead-axle", "last-axle"  # whose line a backward leg is
+_ENDS = "articulation at its end [deg]"
+_ASKEW_DEG = 2.0  # of the place where a vehicle is parked
 
 
 def legs_in(line: Line, vehicle: Vehicle, reaches: tuple[float, float] | None, *, last_axle: bool, quiet: bool) -> Legs:
@@ -70,6 +73,10 @@ def finish(driven: LegsResult, directory: Path, kinds: Collection[str], output: 
     for at, result in enumerate(driven.results):
         for text in solver_texts(result):
             warn(f"{driven.called(at)}: {text}", quiet=quiet)
+    askew = abs(degrees(driven.legs.legs[-1].turned[1]))
+    if askew > _ASKEW_DEG:
+        text = f"smoothing turned the end of the last leg by {askew:.1f} degrees: --smooth 0.1 or less keeps nearer to the drawn legs"
+        warn(text, quiet=quiet)
     if not as_json and not quiet:
         _print_legs(summary, directory)
     if driven.past:  # the plan is not the first one, along the drawn lines
@@ -85,7 +92,7 @@ def finish(driven: LegsResult, directory: Path, kinds: Collection[str], output: 
 def _print_legs(summary: dict[str, Any], directory: Path) -> None:
     from hdvplan.report.grid import grid
 
-    columns = ("leg", "direction", "length [m]", "answer", "to spare [m]", "at s [m]", "what decides", "articulation at its end [deg]")
+    columns = ("leg", "direction", "length [m]", "line moved by [m]", "answer", "to spare [m]", "at s [m]", "what decides", _ENDS)
     rows = []
     for leg in summary["legs"]:
         verdict = leg["verdict"]
@@ -93,6 +100,7 @@ def _print_legs(summary: dict[str, Any], directory: Path) -> None:
         word = verdict["word"] if leg["jackknife"] is None else NO
         ends = ", ".join(f"{round(angle, 1) + 0.0:+.1f}" for angle in leg["articulation_end_deg"]) or "-"
         place = (f"{verdict['s_m']:.1f}", f"{verdict['part']} of the {verdict['unit']}")
-        rows.append((str(leg["leg"]), leg["direction"], f"{leg['length_m']:.1f}", word, spare, *place, ends))
+        moved = "-" if leg["smoothing"] is None else f"{leg['smoothing']['max_deviation_m']:.2f}"
+        rows.append((str(leg["leg"]), leg["direction"], f"{leg['length_m']:.1f}", moved, word, spare, *place, ends))
     title = f"{summary['vehicle']} on {summary['road']}"
-    print_tables(grid(title, columns, rows, text=(columns[1], columns[3], columns[6]), caption=f"written to {directory}/"))
+    print_tables(grid(title, columns, rows, text=(columns[1], columns[4], columns[7]), caption=f"written to {directory}/"))

@@ -38,15 +38,20 @@ class _End(NamedTuple):
 
 @dataclass(frozen=True)
 class _Cusp:
-    """Where the lines of two legs end: places (2, 2) [m] and headings (2,) [rad] of the vehicle, of the leg before and the one after."""
+    """Where the lines of two legs end: places (2, 2) [m] and headings (2,) [rad] of the vehicle, of the leg before and the one after.
+
+    ``smoothed`` is what smoothing adds to the turn between them [rad].
+    """
 
     places: FloatArray
     headings: FloatArray
+    smoothed: float
 
     @classmethod
     def between(cls, before: Leg, after: Leg) -> _Cusp:
         ends = [leg.road.path.at(leg.ends[number]) for leg, number in ((before, 1), (after, 0))]
-        return cls(np.array([[end.x, end.y] for end in ends], dtype=float), np.array([end.heading for end in ends], dtype=float))
+        places, headings = np.array([[end.x, end.y] for end in ends], dtype=float), np.array([end.heading for end in ends], dtype=float)
+        return cls(places, headings, after.turned[0] - before.turned[1])
 
     @property
     def gap(self) -> float:
@@ -101,6 +106,8 @@ def _refuse(cusp: _Cusp, number: int, gap: float) -> None:
         msg = f"the vehicle's heading changes by {degrees:.0f} degrees from leg {number} to leg {number + 1}, at x {x:.2f}, y {y:.2f}"
         wrong = "is a direction wrong? lines are drawn in the order of driving, also those that are driven backward"
         back = f"draw the beginning of leg {number + 1} back over the end of leg {number}: at a cusp a vehicle cannot turn"
+        if abs(cusp.turn - cusp.smoothed) <= LARGEST_BREAK:
+            back = "smoothing turned the drawn lines there: try --smooth 0.2"
         raise RoadError(msg, hint=wrong if abs(cusp.turn) > _WRONG_WAY else back)
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from hdvplan.road.arcs import wrapped
 from hdvplan.road.regions import Region
 from hdvplan.road.road import Road
 
@@ -38,6 +41,15 @@ class Leg:
         """The arclengths at which the leg is begun and ended, in the order of driving [m]."""
         length = self.road.path.length
         return (length, 0.0) if self.backward else (0.0, length)
+
+    @property
+    def turned(self) -> tuple[float, float]:
+        """By how much smoothing turned the line where the leg begins and where it ends, left positive [rad]."""
+        if self.road.about is None:
+            return 0.0, 0.0
+        x, y = self.road.about.ends.T
+        first, last = wrapped(self.road.path.at(np.array([0.0, self.road.path.length])).heading - np.arctan2(y, x)).tolist()
+        return (last, first) if self.backward else (first, last)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import pytest
 from hdvplan.answers import NEEDS, NO, YES, without_word, worded
 from hdvplan.report.summary import TRACKING
 from tests.cli.conftest import Cli
-from tests.road.drives import EAST, NORTH, drawn, leg, line_feature, turn_features, written
+from tests.road.drives import BAY, EAST, NORTH, drawn, leg, line_feature, turn_features, written
 
 VEHICLE, LENGTH = "citaro-k", 10.533
 QUICK = ("--vehicle", VEHICLE, "--horizon", "40")
@@ -124,6 +124,17 @@ def test_without_anything_beside_the_legs_the_answer_is_what_they_need(cli: Cli,
     assert outcome.code == 0
     assert outcome.out.startswith(NEEDS)
     assert cli("plan", "turn.geojson", *QUICK, "--no-plot", "--half-width", "5").out.startswith(YES)
+
+
+@pytest.mark.parametrize(("smooth", "moved", "turned"), [("1", "0.73", True), ("0.2", "0.20", False)])
+def test_how_far_smoothing_moved_a_leg_is_told_and_that_it_parks_askew(
+    cli: Cli, tmp_path: Path, smooth: str, moved: str, turned: bool
+) -> None:
+    written(tmp_path, leg(1, "backward", BAY), name="bay.geojson")
+    outcome = cli("plan", "bay.geojson", *QUICK, "--no-plot", "--half-width", "9", "--smooth", smooth)
+    assert outcome.code == 0
+    assert moved in outcome.out.split()
+    assert ("warning: smoothing turned the end of the last leg by" in outcome.err) is turned
 
 
 def test_a_report_of_legs_is_refused(cli: Cli, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from hdvplan.arrays import FloatArray
 EAST, NORTH = 674_000.0, 6_580_000.0  # in EPSG:3006, which has metres
 PLACE = np.array([EAST, NORTH])
 RADIUS = 12.0
+BAY = np.array([(18, 4.5), (12, 4.5), (9, 4.4), (6, 3.7), (3.5, 2), (1, -0.8), (0.1, -4.5), (0, -8), (0, -18)])
 Piece = tuple[float, float]  # length, negative: rear first [m], and curvature of the rear axle's path, left positive [1/m]
 
 

@@ -21,7 +21,7 @@ from hdvplan.road.load_csv import read_csv
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.passages import Line
 from hdvplan.road.regions import Kind, Side
-from tests.road.drives import EAST, NORTH, PLACE, RADIUS, area_feature, drawn, leg, line_feature, three_point, turn_features, written
+from tests.road.drives import BAY, EAST, NORTH, PLACE, RADIUS, area_feature, drawn, leg, line_feature, three_point, turn_features, written
 
 FORWARDS = ("forward", "backward", "forward")
 LINES, POSES = three_point()
@@ -163,6 +163,15 @@ def test_a_heading_that_breaks_at_a_cusp_is_refused_with_what_to_draw(tmp_path: 
     with pytest.raises(RoadError, match=f"heading changes by {turn:.0f} degrees from leg 1 to leg 2") as refused:
         load_legs(written(tmp_path, leg(1, "forward", straight), leg(2, "backward", back)))
     assert hint in str(refused.value.hint)
+
+
+def test_a_cusp_that_smoothing_bends_is_refused_with_what_bends_less(tmp_path: Path) -> None:
+    out = np.array([[-20.0, 4.5], [18.0, 4.5]])
+    path = written(tmp_path, leg(1, "forward", out), leg(2, "backward", BAY))
+    with pytest.raises(RoadError, match="heading changes by 17 degrees from leg 1 to leg 2") as refused:
+        load_legs(path)
+    assert refused.value.hint == "smoothing turned the drawn lines there: try --smooth 0.2"
+    assert len(load_legs(path, RoadOptions(smooth=0.2)).legs) == 2
 
 
 def test_lines_that_do_not_quite_meet_are_moved_half_way_and_the_street_stays(tmp_path: Path) -> None:
