@@ -26,8 +26,7 @@
 #define FAR_M 1e3     /* of a body from a side without any kerb */
 #define NEARER_M 0.05 /* nearer still, it is looked at in every pose of the interval */
 #define FINE_M                                                                                                         \
-    30.0 /* as far ahead poses between stations are looked at, and new stages at once: what is found late moves a plan \
-            by centimetres */
+    30.0 /* as far ahead poses between stations are looked at: what is found late moves a plan by centimetres */
 #define DRIFT_M 2e-3 /* rows are good for so small a motion, and for a part of the gap: */
 #define DRIFT 0.1
 
@@ -45,7 +44,6 @@ struct stage_scene {
     const struct hdv_limits *own;
     const struct hdv_scene *scene;
     int64_t stage;
-    int later; /* whether a body is looked at when the stage's motion was solved: that of a new stage is a guess */
     struct before before[HDV_BETWEEN]; /* the first is the stage itself */
 };
 
@@ -380,8 +378,8 @@ static int is_stale(const struct hdv_edge *edge, double clearance, int fine) {
            edge->moved > larger(DRIFT_M, DRIFT * fabs(edge->gap - clearance));
 }
 
-/* Bring what is known of both sides of one body up to date, and write their rows; return how far it is clear [m], 0
- * where it has rows, or less where nothing is known. */
+/* Bring what is known of both sides of one body up to date, and write their rows; return how far it is clear [m], or 0
+ * where it has rows. */
 static double write_unit(struct stage_scene *at, int64_t unit) {
     const struct hdv_limits *own = at->own;
     const struct hdv_scene *scene = at->scene;
@@ -393,8 +391,7 @@ static double write_unit(struct stage_scene *at, int64_t unit) {
         stale =
             stale || (!is_clear(&edges[side], margin, binding) && is_stale(&edges[side], own->clearance, is_fine(at)));
     }
-    int unknown = stale && at->later && !is_fine(at) && edges[0].looked == 0.0;
-    if (stale && !unknown) {
+    if (stale) {
         struct looked found;
         if (!at->before[0].known)
             see_stage(at);
@@ -405,24 +402,23 @@ static double write_unit(struct stage_scene *at, int64_t unit) {
     double least = INFINITY;
     for (int side = 0; side < 2; side++) {
         double clear = is_clear(&edges[side], margin, binding) ? edges[side].clear - margin : 0.0;
-        least = smaller(least, unknown ? -HDV_CLEAR_M : clear);
-        if ((clear > 0.0 || unknown) && edges[side].never == 0.0) {
-            double never = unknown ? HDV_CLEAR_M : clear;
-            never_bind(&scene->program, at->stage, row + side * each, row + (side + 1) * each, never);
+        least = smaller(least, clear);
+        if (clear > 0.0 && edges[side].never == 0.0) {
+            never_bind(&scene->program, at->stage, row + side * each, row + (side + 1) * each, clear);
             edges[side].never = 1.0;
         }
     }
     return least;
 }
 
-/* The gap of one side of a body: as its rows say, which follow the motion; where it has none, what is known at least;
- * 0 where that is nothing. */
+/* The gap of one side of a body: as its rows say, which follow the motion; where it has none, what is known at least.
+ */
 static double gap_of(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, int64_t number) {
     const struct hdv_program *program = &scene->program;
     const struct hdv_edge *edge = own->edges + 2 * (scene->at + i) * scene->unit_count + number;
     int64_t each = own->rows / (2 * scene->unit_count);
     if (edge->looked == 0.0 || edge->never > 0.0)
-        return edge->gap == -INFINITY ? 0.0 : edge->gap;
+        return edge->gap;
     double least = INFINITY;
     for (int64_t row = own->row + number * each; row < own->row + number * each + HDV_ROWS_PER_SIDE; row++)
         least = smaller(least, *program_row(program, i, row).h);
@@ -438,8 +434,8 @@ static void write_stage(struct stage_scene *at, int64_t i) {
         at->before[number].known = 0;
     for (int64_t unit = 0; unit < scene->unit_count; unit++)
         clear = smaller(clear, write_unit(at, unit));
-    seen_at(at->own, scene, i)[scene->states + 1] = larger(clear, 0.0);
-    if (clear == 0.0)
+    seen_at(at->own, scene, i)[scene->states + 1] = clear;
+    if (!(clear > 0.0))
         *program_stage(&scene->program, i).live = 1.0;
 }
 
@@ -451,7 +447,6 @@ int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t 
     struct stage_scene at; /* its 0.1 MB are not set to zero first: that took longer than some plans' limits */
     at.own = own;
     at.scene = scene;
-    at.later = fresh && !scene->binding;
     for (int64_t i = begin; i <= last; i++) {
         if (fresh)
             begin_stage(own, scene, i);
