@@ -44,6 +44,11 @@ def swept_geojson(result: Result) -> Json:
     return {"type": "FeatureCollection", "features": swept_features(result)}
 
 
+def _most(reach: FloatArray) -> float | None:
+    """Return the largest reach [m]; None of a body that is nowhere beside the line, as in a jack-knife."""
+    return round(float(np.nanmax(reach)), 4) if np.any(np.isfinite(reach)) else None
+
+
 def swept_features(result: Result, areas: Sequence[BaseGeometry] | None = None, named: Json | None = None) -> list[Json]:
     """Return the features of ``swept_geojson``, with the properties ``named``; ``areas`` [m] stand for what bodies sweep along the road."""
     drive, envelope = result.drive, result.envelope
@@ -56,7 +61,7 @@ def swept_features(result: Result, areas: Sequence[BaseGeometry] | None = None, 
     features = []
     for unit in range(len(vehicle.units)):
         left, right = envelope.left[unit], envelope.right[unit]
-        reaches: Json = {"max_left_m": round(float(np.nanmax(left)), 4), "max_right_m": round(-float(np.nanmin(right)), 4)}
+        reaches: Json = {"max_left_m": _most(left), "max_right_m": _most(-right)}
         area = swept_area(road.path, envelope.s, left, right) if areas is None else areas[unit]
         styled = area_style(body_colour(unit))
         features.append(feature(area, road, common | {"kind": "swept area", "unit": body_name(vehicle, unit)} | reaches | styled))

@@ -34,7 +34,7 @@ from tests.docs.blocks import blocks_of
 OURS = """
 import json, random
 random.seed()
-steps = [[{slow} * (1 + number % 5) * 1e-4 * random.uniform(1.0, 1.002) for number in range(40)] for _ in range(3)]
+steps = [[{slow} * (1 + number % 5) * 1e-5 * random.uniform(1.0, 1.002) for number in range(40)] for _ in range(3)]
 print("some noise before")
 about = {{"steps_s": steps, "s_m": [5.0 * i for i in range(40)], "counters": {{"iterations": {iterations}}}}}
 print(json.dumps({{"cells": {{"depot": about}}}}))
