@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,7 +101,7 @@ class _Curve:
     position: scipy.interpolate.CubicHermiteSpline
     betas: FloatArray | None
     steering: FloatArray
-    names: tuple[str, ...]  # of its points
+    named: Callable[[int], str]  # what messages call its points
 
     @classmethod
     def of(cls, path: GivenPath, vehicle: Vehicle) -> _Curve:
@@ -110,9 +111,11 @@ class _Curve:
                 msg = f"{name} have {angles.shape[1]} columns, the {vehicle.name} {count}"
                 raise OptionError(msg)
         own: BoolArray = np.append(True, np.hypot(*np.diff(path.points, axis=0).T) > _APART_M)
-        points = path.points[own]
-        called = path.names or [f"its point {number + 1} ({x:.2f}, {y:.2f})" for number, (x, y) in enumerate(path.points.tolist())]
-        names = tuple(called[number] for number in np.flatnonzero(own))
+        points, rows = path.points[own], np.flatnonzero(own)
+
+        def named(number: int) -> str:
+            return path.named(int(rows[number]))
+
         if len(points) < 2:  # noqa: PLR2004 - a line has two
             msg = "the path has fewer than two different points"
             raise RoadError(msg, hint=_HINT)
@@ -133,18 +136,18 @@ class _Curve:
         askew = np.flatnonzero((off > _ASKEW) & (length > _LONG_M))
         if askew.size:
             row = int(askew[0])
-            where = f"at {names[row]} the path"
+            where = f"at {named(row)} the path"
             if path.heading is None:
                 msg = f"{where} turns too sharply for a curve through its points"
                 usual, longest = float(np.median(length)), int(np.argmax(length))
-                gap = f"put its points evenly: most are {usual:.1f} m from the next one, {names[longest]} {length[longest]:.1f} m"
+                gap = f"put its points evenly: most are {usual:.1f} m from the next one, {named(longest)} {length[longest]:.1f} m"
                 raise RoadError(msg, hint=gap if length[longest] > _UNEVEN * usual else _RECORDED)
             msg = f"{where} goes {np.degrees(off[row]):.0f} degrees off its heading"
             raise RoadError(msg, hint=f"{_HINT}; it does not slip, and goes forwards")
         arcs = length / np.sinc(0.5 * turn / np.pi)
         t = np.append(0.0, np.cumsum(arcs))
         position = scipy.interpolate.CubicHermiteSpline(t, points, np.column_stack([np.cos(heading), np.sin(heading)]))
-        return cls(t, points, position, None if path.betas is None else path.betas[own], steering, names)
+        return cls(t, points, position, None if path.betas is None else path.betas[own], steering, named)
 
     @property
     def length(self) -> float:
@@ -213,7 +216,7 @@ def _feet(line: ReferencePath, length: float, curve: _Curve) -> FloatArray:
     for number, (x, y) in enumerate(points):
         found = project_many(line, np.array([x]), np.array([y]), np.array([near + step]))
         if not np.isfinite(found[1, 0]) or abs(found[1, 0]) > _FAR_M or (number and found[0, 0] <= feet[0, number - 1]):
-            msg = f"at {curve.names[number]}, near s = {near:.1f} m, the path does not go forwards along the road"
+            msg = f"at {curve.named(number)}, near s = {near:.1f} m, the path does not go forwards along the road"
             raise RoadError(msg, s_m=near, hint="it runs beside the road's line, in its direction")
         feet[:, number], near = found[:2, 0], float(found[0, 0])
         step = float(np.hypot(*(points[number + 1] - points[number]))) if number + 1 < len(points) else 0.0

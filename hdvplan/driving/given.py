@@ -64,6 +64,11 @@ class GivenPath:
                 msg = f"{f'{self.name}: ' if self.name else ''}{name} reach {most:.4g} rad, more than half a turn"
                 raise OptionError(msg, hint="is their unit degrees? Angles are in radians, or in columns such as beta1_deg")
 
+    def named(self, row: int) -> str:
+        """Return what messages call a point, by its number from 0."""
+        x, y = self.points[row]
+        return self.names[row] if self.names else f"its point {row + 1} ({x:.2f}, {y:.2f})"
+
 
 def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = None) -> GivenPath:
     """Return the path in a CSV file with columns x, y and, if it has them, heading, beta1, ..., steering1, ...; as ``path.csv`` is written.
