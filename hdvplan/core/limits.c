@@ -85,19 +85,24 @@ static int is_clear(const struct hdv_edge *edge, double margin, int64_t binding)
     return edge->clear - margin > HDV_CLEAR_M && !(binding && edge->looked > 0.0);
 }
 
-/* What was seen of a stage: its state, the curvature until it, and how far every body is clear of all that its rows
- * would keep it from, where it has none [m]; 0 where it has some. */
+/* What was seen of a stage: its state, and the curvature until it; then clear_at. */
 static double *seen_at(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     return own->seen + (scene->at + i) * (scene->states + 2);
 }
 
-/* See a stage as its motion is now. */
-static void see(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, double clear) {
+/* How far every body of a stage is clear of all that its rows would keep it from, where it has none [m]; 0 where it
+ * has some, or nobody has looked. */
+static double *clear_at(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
+    return seen_at(own, scene, i) + scene->states + 1;
+}
+
+/* See a stage as its motion is now, before its rows are written. */
+static void see(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     int64_t n = scene->states;
     double *seen = seen_at(own, scene, i);
     memcpy(seen, state_at(scene->motion, n, i), (size_t)n * sizeof(double));
     seen[n] = state_at(scene->motion, n, i - 1)[n];
-    seen[n + 1] = clear;
+    *clear_at(own, scene, i) = 0.0;
 }
 
 /* Write what is known of a stage that nothing has been seen of: clearances by a bound from the state. Where the vehicle
@@ -109,7 +114,7 @@ static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *sc
     double clear = free ? FAR_M : clear_by_state(scene->units, units, road, state_at(scene->motion, scene->states, i));
     for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++)
         own->edges[edge] = (struct hdv_edge){clear, clear, 0.0, 0.0, INFINITY};
-    see(own, scene, i, 0.0);
+    see(own, scene, i);
 }
 
 /* Write by how much a stage's state, and the curvature until it, differ from what was seen; return how far any point
@@ -132,9 +137,9 @@ static int follow(const struct hdv_limits *own, const struct hdv_scene *scene, i
     const struct hdv_program *program = &scene->program;
     int64_t n = scene->states, units = scene->unit_count;
     double by[HDV_MOST_STATES + 1], moved = moved_by(own, scene, i, by);
-    if (!scene->binding && seen_at(own, scene, i)[n + 1] - moved > HDV_CLEAR_M)
+    if (!scene->binding && *clear_at(own, scene, i) - moved > HDV_CLEAR_M)
         return 1;
-    see(own, scene, i, 0.0);
+    see(own, scene, i);
     if (moved == 0.0)
         return 0;
     struct hdv_edge *edges = own->edges + 2 * (scene->at + i) * units;
@@ -434,7 +439,7 @@ static void write_stage(struct stage_scene *at, int64_t i) {
         at->before[number].known = 0;
     for (int64_t unit = 0; unit < scene->unit_count; unit++)
         clear = smaller(clear, write_unit(at, unit));
-    seen_at(at->own, scene, i)[scene->states + 1] = clear;
+    *clear_at(at->own, scene, i) = clear;
     if (!(clear > 0.0))
         *program_stage(&scene->program, i).live = 1.0;
 }
@@ -454,9 +459,10 @@ int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t 
             write_stage(&at, i);
     }
     own->violation = 0.0;
-    for (int64_t i = 1; i <= last; i++)
-        for (int64_t edge = 0; edge < 2 * scene->unit_count && !(seen_at(own, scene, i)[scene->states + 1] > 0.0);
-             edge++)
+    for (int64_t i = 1; i <= last; i++) {
+        int64_t edges = *clear_at(own, scene, i) > 0.0 ? 0 : 2 * scene->unit_count;
+        for (int64_t edge = 0; edge < edges; edge++)
             own->violation = larger(own->violation, -gap_of(own, scene, i, edge));
+    }
     return -1;
 }
