@@ -157,8 +157,7 @@ def measure_against(base: Contender, new: Contender, settings: Settings, out: Pa
     except _SideError as failure:
         side, error = failure.side, failure.error
         if side == SIDES[0] and _fails_too(measuring.begun.get(SIDES[1]), new):
-            msg = f"neither side can be measured: {error}"
-            raise OptionError(msg, hint=error.hint) from error
+            raise _neither(error) from error
         return failed(side, str(error), error.tail)
     return found
 
@@ -191,6 +190,11 @@ def compared(out: Path, settings: Settings) -> Comparison:
         except OptionError as error:  # what was measured a moment ago: its program wrote something else
             return failed(side, str(error), "")
     return compare(sides[SIDES[0]], sides[SIDES[1]], settings.rule, Tolerance(), expect_changes=settings.expect_changes)
+
+
+def _neither(failure: MeasurementError) -> OptionError:
+    """Return the refusal of what no side can do, with the failure of the base."""
+    return OptionError(f"neither side can be measured: {failure}", hint=failure.hint)
 
 
 def _fails_too(begun: tuple[Started, Path] | None, new: Contender) -> bool:
@@ -291,9 +295,9 @@ def _compared(
         except MeasurementError as error:
             failures.append((side, error))
     if not contenders:
-        msg = f"neither side can be measured: {failures[0][1]}"
-        raise OptionError(msg, hint=failures[0][1].hint)
-    for side, failure in failures:  # there is at most one
+        raise _neither(failures[0][1])
+    if failures:
+        (side, failure), *_ = failures
         return failed(side, str(failure), failure.tail if isinstance(failure, ProgramError) else "")
     old, now = contenders
     about = f"base: {old.program.name}; new: {now.program.name}"

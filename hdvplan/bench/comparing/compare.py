@@ -130,6 +130,11 @@ class Comparison:
     apart: bool = False  # at different times: nothing proves a slower program
 
     @property
+    def proves(self) -> bool:
+        """Whether pairs of processes that ran side by side may prove a slower program: others differ by the machine's hour, too."""
+        return self.processes != 1 and not self.apart
+
+    @property
     def is_settled(self) -> bool:
         """Whether more pairs could change nothing: the times are fine, or something is proven to be worse."""
         entries = [*self.times, *self.found]

@@ -72,7 +72,7 @@ class Program:
 
     def environment(self) -> dict[str, str]:
         """Return the environment to start it in."""
-        mine = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PYTHONDONTWRITEBYTECODE"}}
+        mine = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         path = {} if self.source is None else {"PYTHONPATH": str(self.source)}
         first = os.pathsep.join([str(self.python.parent), *filter(None, [mine.get("PATH")])])
         return mine | path | {"PATH": first, "PYTHONHASHSEED": "0"}
@@ -85,7 +85,7 @@ class Program:
 
         """
         variables = self.environment() | home.variables() | {"PYTHONPROFILEIMPORTTIME": "1"}
-        if os.environ.get("PYTHONDONTWRITEBYTECODE"):  # a side that lacks bytecode would be the slower: both have some, elsewhere
+        if variables.pop("PYTHONDONTWRITEBYTECODE", ""):  # a side that lacks bytecode would be the slower: both have some, elsewhere
             variables["PYTHONPYCACHEPREFIX"] = str(scratch.folder / "bytecode")
         try:
             return start(command, variables, scratch, self.folder, turns, home.limit)
@@ -106,11 +106,8 @@ class Program:
             raise ProgramError(msg, tail=ended.tail, code=ended.code, hint="--time-limit S allows more")
         if ended.code != 0:
             msg = f"{self.name} ended with {ended.how} and says: {ended.words}"
-            hint = (
-                "is its name right? --extras NAME installs an extra of the project, too"
-                if "No module named" in ended.words
-                else "run it there alone"
-            )
+            missing = "is its name right? --extras NAME installs an extra of the project, too"
+            hint = missing if "No module named" in ended.words else "run it there alone"
             raise ProgramError(msg, tail=ended.tail, code=ended.code, hint=hint)
         return ended
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from textwrap import shorten
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,6 +28,7 @@ IMPORT, PEAK, CPU, START, LOAD = "import_s", "peak_bytes", "cpu_s", "start_s", "
 RAN, UNREPORTED = "ran_s", "unreported_s"
 MACHINE = "machine"  # as ``ABOUT`` and run.json have it
 COMPARISON = "comparison"  # as ``ABOUT`` has it: a name of the comparison that measured a process
+_RECORDED = {MACHINE: dict, COMPARISON: str, "settings": dict}
 COLD = "cold"  # the folder of processes that began with an empty home
 _MOST_BYTES = 1e18  # more than any machine has
 _LEAST_S = 1e-2  # beside the steps, where hardly anything is: ratios of less say nothing, and what counts is ten times as much
@@ -65,13 +66,17 @@ class Side:
     last_words: Mapping[Name, str] = field(default_factory=dict)  # of cells without a plan in any process: why, in one line
     cold: Processes = ()  # as ``processes``, each of which began with an empty home
     cold_about: tuple[Mapping[str, float], ...] = ()
-    comparisons: frozenset[str] = frozenset()  # of which its processes are, as far as they say
-    records: tuple[Mapping[str, Mapping[str, object]], ...] = ()  # what run.json, or ``ABOUT``, says of every process
+    records: tuple[Mapping[str, Any], ...] = ()  # what run.json and ``ABOUT`` say of every process: ``_RECORDED``
 
     @property
     def machines(self) -> dict[str, None]:
         """What the processes were measured on, as far as they say, each machine once."""
         return dict.fromkeys(machine_words(record[MACHINE]) for record in self.records if MACHINE in record)
+
+    @property
+    def comparisons(self) -> set[str]:
+        """The comparisons that measured the processes, as far as they say."""
+        return {record[COMPARISON] for record in self.records if COMPARISON in record}
 
 
 def read_side(path: Path) -> Side:
@@ -112,10 +117,8 @@ def _side(path: Path, folders: list[Path]) -> Side:
     try:
         times = tuple(times_of(samples) for _, _, samples in tables)
         timings = [timing for timing, _, _ in tables]
-        about = tuple(map(_about, folders, times))
-        counters, records = counters_of(samples, timing, envelope), tuple(_record(folder / "run.json") for folder in folders)
-        words, of = _last_words(timings), _comparisons(folders)
-        return Side(counters, times, about, lost=_lost(timings), last_words=words, comparisons=of, records=records)
+        counters, (about, records) = counters_of(samples, timing, envelope), _told(folders, times)
+        return Side(counters, times, about, lost=_lost(timings), last_words=_last_words(timings), records=records)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:  # a damaged table may hold anything
         msg = f"{path} cannot be read: its tables are not those of hdvplan bench"
         raise OptionError(msg, hint="measure it again") from error
@@ -160,21 +163,23 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
     return cells
 
 
-def _record(file: Path) -> Mapping[str, Mapping[str, object]]:
+def _told(
+    folders: Sequence[Path], processes: Sequence[Mapping[Name, Steps]]
+) -> tuple[tuple[Mapping[str, float], ...], tuple[Mapping[str, Any], ...]]:
+    """Return what is known of every process as a whole, and its record."""
+    abouts = [_said(folder / ABOUT) for folder in folders]
+    both = (about | _said(folder / "run.json") for about, folder in zip(abouts, folders, strict=True))
+    records = tuple({name: one[name] for name, kind in _RECORDED.items() if isinstance(one.get(name), kind)} for one in both)
+    return tuple(map(_about, abouts, processes)), records
+
+
+def _said(file: Path) -> dict[str, Any]:
+    """Return what a file says; nothing where there is none that can be read."""
     try:
-        record = read_json(file)
-        return {name: record[name] for name in (MACHINE, "settings") if isinstance(record.get(name), dict)}
-    except (OSError, ValueError, AttributeError):
+        found = read_json(file)
+    except (OSError, ValueError):
         return {}
-
-
-def _comparisons(folders: Iterable[Path]) -> frozenset[str]:
-    """Return the comparisons that measured processes, of those that say so."""
-    found = set()
-    for folder in folders:
-        with suppress(OSError, ValueError, AttributeError):
-            found.add(str(read_json(folder / ABOUT).get(COMPARISON)))
-    return frozenset(found - {"None"})
+    return found if isinstance(found, dict) else {}
 
 
 def check_same_settings(base: Side, new: Side) -> None:
@@ -237,9 +242,8 @@ def _own_side(folders: list[Path]) -> Side:
         {own_name(name): Steps(cell.steps, np.empty((0, 0)), cell.first, cell.s) for name, cell in cells.items()} for cells in measured
     )
     counters = tuple({own_name(name): _counted(cell) for name, cell in cells.items()} for cells in measured)
-    records = tuple(_record(folder / ABOUT) for folder in folders)
-    about = tuple(map(_about, folders, processes))
-    return Side(pd.DataFrame(columns=KEY), processes, about, counters, comparisons=_comparisons(folders), records=records)
+    about, records = _told(folders, processes)
+    return Side(pd.DataFrame(columns=KEY), processes, about, counters, records=records)
 
 
 def _counted(cell: OwnSteps) -> Mapping[str, object]:
@@ -280,15 +284,14 @@ def _is_process(folder: Path) -> bool:
     return (folder / "run.json").is_file() or (folder / STEPS).is_file()
 
 
-def _about(folder: Path, cells: Mapping[Name, Steps]) -> dict[str, float]:
-    """Return what is known of a process as a whole.
+def _about(about: Mapping[str, Any], cells: Mapping[Name, Steps]) -> dict[str, float]:
+    """Return what is known of a process as a whole, of which ``ABOUT`` says ``about``.
 
     A process that takes turns has a start, until its first. Of others all that is beside the steps that they report is one.
     """
     try:
-        about = read_json(folder / ABOUT)
         known = {name: float(about[name]) for name in (IMPORT, PEAK, CPU, START, RAN, LOAD) if about.get(name) is not None}
-    except (OSError, OverflowError, ValueError, AttributeError, TypeError):
+    except (OverflowError, ValueError, TypeError):
         return {}
     if RAN in known:
         reported = sum(float(np.sum(steps.outside) + np.sum(steps.first)) for steps in cells.values())

@@ -48,7 +48,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     longer = [one for one in unknown if one.decision.ratio > one.decision.counting]
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
-    elif longer and (comparison.processes == 1 or comparison.apart):
+    elif longer and not comparison.proves:
         took = _longest(longer, cells, "took longer")
         what = "sides of two comparisons" if comparison.apart else "one process a side"
         parts.append(f"{took}; {what} cannot tell a slower program from a slower hour, `hdvplan bench --against REV` can")
@@ -197,7 +197,7 @@ def _from(ratio: float) -> str:
 
 def _caption(comparison: Comparison) -> str:
     pairs = max((entry.decision.pairs for entry in comparison.times), default=0)
-    if comparison.processes == 1 or comparison.apart:
+    if not comparison.proves:
         what = "Sides of two comparisons" if comparison.apart else f"One process a side, {pairs} rounds"
         return f"{what}: machine and hour are compared too, so nothing here proves a slower program."
     repeat = ", with the repeat that it would have called for" if comparison.processes < FEWEST else ""
