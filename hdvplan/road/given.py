@@ -26,6 +26,7 @@ _CORNER = math.radians(20.0)  # smaller kinks are how straights are drawn, not c
 _UNEVEN = 2.0  # chords of one bend: a longer one counts so many times as long as its neighbour
 _WIDEST = math.radians(70.0)  # eight points a circle turn by 45 degrees, by half as much again where the bend begins
 _SAGITTA_M = 1.25  # of a bend's chord: eight points 12 m apart on a circle have 1.19 m, two corners 40 m apart 3.9 m
+_ALONE = 3.0  # a point beside a bend that turns so many times as much as the bend does there turns by itself
 _WIDE, _BLOCK_M = math.radians(32.0), 13.5  # points that turn by more, and stand further apart, are corners of a block
 _RUN_OUT_M = 4.0  # the same where a bend runs out on its tangent: 12 m of an arc of 16 m leave it by 4.3 m
 _BULGE_M = 1.5  # of a chord between points that are uneven: further off it is straight, for nobody has drawn such a bend
@@ -173,7 +174,7 @@ def _bends(chain: _Chain, core: BoolArray, fixed: BoolArray) -> _Bends:
     ahead, behind = chain.length, chain.at(chain.length, -1)
     even = (ahead > 0.0) & (ahead <= _UNEVEN * np.maximum(behind, chain.at(ahead, 1)))
     beside = inside | chain.at(inside, -1) | chain.at(inside, 1)
-    linked = core | (even & soft & chain.at(soft, 1) & beside & chain.at(beside, 1))
+    linked = core | (even & soft & chain.at(soft, 1) & beside & chain.at(beside, 1) & ~_turns_alone(chain, inside))
     linked_before = chain.at(linked, -1)
     own_ahead = np.where(core, ahead, np.minimum(ahead, behind))  # a chord that is straight in part counts no more than the bend's
     own_behind = np.where(chain.at(core, -1), behind, np.minimum(ahead, behind))
@@ -201,6 +202,13 @@ def _bends(chain: _Chain, core: BoolArray, fixed: BoolArray) -> _Bends:
     if not chain.closed:
         out[[0, -1]] = forward[0], backward[-1]
     return _Bends(linked, steady, inside, chain.turn - out, out)
+
+
+def _turns_alone(chain: _Chain, inside: BoolArray) -> BoolArray:
+    """Return which chords lie between a bend and a point beside it that turns far more than the bend does there: a corner."""
+    here, ahead = np.abs(chain.turn), np.abs(chain.at(chain.turn, 1))
+    leaves, enters = inside & ~chain.at(inside, 1), ~inside & chain.at(inside, 1)
+    return (leaves & (ahead > _ALONE * here + _KINK)) | (enters & (here > _ALONE * ahead + _KINK))
 
 
 def _spread(chain: _Chain, linked: BoolArray, previous: FloatArray, bend: FloatArray, following: FloatArray) -> FloatArray:

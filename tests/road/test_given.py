@@ -143,6 +143,19 @@ def test_a_long_straight_stays_one_before_a_bend_whose_tangent_does_not_reach_it
         np.testing.assert_allclose(beside[:, 0], 0.0, atol=1e-9)  # rounding
 
 
+@pytest.mark.parametrize("turn", [17.0, -17.0])
+def test_a_point_beside_a_bend_that_turns_by_itself_stays_sharp(turn: float) -> None:
+    """Roads of maps have such points; the chord between was bowed towards it by 2.7 m."""
+    length, turns = 60.0, np.radians([0.0, 1.0, 1.0, turn, 0.0])
+    heading = np.cumsum(turns)
+    drawn = length * np.cumsum(np.vstack([[0.0, 0.0], np.stack([np.cos(heading), np.sin(heading)], axis=1)]), axis=0)
+    for points in (drawn, drawn[::-1]):
+        line = given_line(points, closed=False)
+        away = shapely.distance(shapely.points(line.points), shapely.LineString(points))
+        assert np.max(away) < length * turns[1] / 4.0  # the bend itself, which runs out beside
+        assert line.points[line.sharp].tolist() == [drawn[3].tolist()]
+
+
 def test_a_closed_line_may_have_its_corner_where_it_begins() -> None:
     square = np.array([[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0], [0.0, 0.0]])
     line = given_line(square, closed=True)
