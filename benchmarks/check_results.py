@@ -4,7 +4,8 @@
     python benchmarks/check_results.py --times   # measures, for minutes: whether planning takes another time than when it was tabulated
 
 results.toml names the areas of behaviour that each folder rests on, and whether it has times. A folder is stale where it has no run.json,
-where one of its areas had another integer (hdvplan/behaviour.toml) or, for times, where a solver of another minor version is installed.
+where one of its areas had another integer (hdvplan/behaviour.toml), where it was made before the moment ``moved``, or, for times, where a
+solver of another minor version is installed.
 Stale folders are listed in results/stale.txt, one a line: one that is not listed, and one that is listed and is not stale, are errors.
 Whoever makes a folder anew takes its line out.
 """
@@ -18,6 +19,7 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
 
@@ -29,11 +31,14 @@ _SOLVERS = ("piqp", "clarabel", "osqp", "casadi", "daqp", "proxsuite", "qpsolver
 _GATE = (sys.executable, "-m", "hdvplan", "bench", "--json", "--quiet", "--against")
 
 
-def why_stale(folder: Path, areas: Sequence[str], *, times: bool) -> str | None:
-    """Return why a folder of results, or one in it, is stale; None where none is. ``areas`` are those of behaviour that it rests on."""
+def why_stale(folder: Path, areas: Sequence[str], *, times: bool, moved: datetime | None = None) -> str | None:
+    """Return why a folder of results, or one in it, is stale; None where none is.
+
+    ``areas`` are those of behaviour that it rests on; ``moved`` is when a change moved what it holds and raised no integer.
+    """
     parts = sorted(path.parent for path in folder.glob("*/run.json"))
     if not (folder / "run.json").exists() and parts:
-        found = ((part.name, why_stale(part, areas, times=times)) for part in parts)
+        found = ((part.name, why_stale(part, areas, times=times, moved=moved)) for part in parts)
         return next((f"{name}: {reason}" for name, reason in found if reason), None)
     try:
         record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
@@ -45,7 +50,13 @@ def why_stale(folder: Path, areas: Sequence[str], *, times: bool) -> str | None:
     changed = [area for area in areas if ran["behaviour"].get(area) != now[area]]
     if changed:
         return f"{', '.join(changed)} changed since"
+    if moved is not None and _begun(record) < moved:
+        return f"it was made before {moved:%Y-%m-%d %H:%M}, when what it holds moved (results.toml)"
     return _other_solver(record, ran.get("packages", {})) if times else None
+
+
+def _begun(record: Mapping[str, Any]) -> datetime:
+    return datetime.fromisoformat(record["date"] if "date" in record else record["sessions"][0]["started"])
 
 
 def _other_solver(record: Mapping[str, Any], packages: Mapping[str, str]) -> str | None:
@@ -85,7 +96,8 @@ def check(results: Path, table: Mapping[str, Mapping[str, Any]]) -> list[str]:
         if folder.name not in table:
             wrong.append(f"{folder.name}: results.toml does not say what it rests on")
             continue
-        reason = why_stale(folder, table[folder.name]["areas"], times=table[folder.name]["times"])
+        entry = table[folder.name]
+        reason = why_stale(folder, entry["areas"], times=entry["times"], moved=entry.get("moved"))
         if reason is not None and folder.name not in listed:
             wrong.append(f"{folder.name}: {reason}; make it anew (results/README.md) or list it in stale.txt")
         if reason is None and folder.name in listed:

@@ -4,6 +4,7 @@ import json
 import sys
 import tomllib
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,17 @@ def test_another_solver_makes_times_stale_and_nothing_else(tmp_path: Path) -> No
     other = folder(tmp_path / "other", packages={"piqp": "0.1.9"})
     assert "piqp 0.1.9" in stale(other)
     assert why_stale(other, AREAS, times=False) is None
+
+
+def test_a_folder_is_stale_that_was_made_before_what_it_holds_moved(tmp_path: Path) -> None:
+    path, moved = folder(tmp_path / "roads"), datetime(2026, 11, 28, 16, 40, tzinfo=UTC)
+    record = json.loads((path / "run.json").read_text(encoding="utf-8"))
+    for made in ({"date": "2026-11-28T16:%s:00+00:00"}, {"sessions": [{"started": "2026-11-28T16:%s:00+00:00"}]}):
+        for minute, old in (("39", True), ("40", False)):
+            (path / "run.json").write_text(json.dumps(record | made).replace("%s", minute), encoding="utf-8")
+            reason = why_stale(path, AREAS, times=False, moved=moved)
+            assert (reason is not None) is old
+            assert reason is None or "2026-11-28 16:40" in reason
 
 
 def test_a_folder_of_several_runs_is_stale_where_one_of_them_is(tmp_path: Path) -> None:
