@@ -82,9 +82,9 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool, loop: J
     from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line, verdict_of
     from hdvplan.report.summary import summary_of
 
-    verdict = verdict_of(result)
+    verdict, summary = verdict_of(result), summary_of(result)
     if as_json:
-        print_json(summary_of(result) | ({} if loop is None else {"loop": loop}))
+        print_json(summary | ({} if loop is None else {"loop": loop}))
     elif not quiet:
         print_line(verdict_line(result, verdict))
         details = [verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
@@ -93,9 +93,10 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool, loop: J
             print_line(loop["text"])
     if result.planned and _is_near(verdict):
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
+    warn_of_sides(summary, quiet=quiet)
     warn_of(result, verdict, quiet=quiet)
     if not as_json and not quiet:
-        print_plan(summary_of(result), directory, road=result.drive.road)
+        print_plan(summary, directory, road=result.drive.road)
     return verdict
 
 
@@ -120,24 +121,35 @@ def compare(results: list[Result], directory: Path, *, picture: bool, as_json: b
         write_atomically(directory / "compared.csv", csv_bytes(table))
         if picture:
             write_atomically(directory / "compared.png", figure_bytes(compared_figure(results), "png"))
+    summaries = [summary_of(result) for result in results]
     if as_json:
-        print_json([summary_of(result) for result in results])
+        print_json(summaries)
     elif not quiet:
         print_line(answer_of(results))
         shown = answer_texts(table)
         columns, rows = tuple(shown.columns), shown.itertuples(index=False, name=None)
         title = f"{len(results)} vehicles on {results[0].drive.road.name}"
         print_tables(grid(title, columns, rows, text=(columns[0], columns[1], columns[-1]), caption=f"written to {directory}/"))
+    for summary in summaries:
+        warn_of_sides(summary, f"{summary['vehicle']}: ", quiet=quiet)
     return max(exit_code_of(result, verdict_of(result)) for result in results)
+
+
+def warn_of_sides(summary: dict[str, Any], who: str = "", *, quiet: bool) -> None:
+    """Warn of each obstacle that is passed on the other side than the line passes it, perhaps that of oncoming traffic."""
+    from hdvplan.report.summary import crossed_texts
+
+    for text in crossed_texts(summary):
+        warn(f"{who}{text}", quiet=quiet)
 
 
 def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     """Warn of what a driver would find too much and, where a vehicle does not fit, of the places that the fit check calls too narrow."""
     from hdvplan.judging.envelope import steering_of, steering_texts
     from hdvplan.judging.fit import finding_text, folded_text
-    from hdvplan.judging.sentences import attempts_text, crossed_texts, solver_texts
+    from hdvplan.judging.sentences import attempts_text, solver_texts
 
-    for text in (*crossed_texts(result), *solver_texts(result)):
+    for text in solver_texts(result):
         warn(text, quiet=quiet)
     if result.attempts:
         note(attempts_text(result), quiet=quiet)
@@ -226,6 +238,7 @@ def plan_long(
         print_line(verdict["text"])
         print_line(verdict["details"])
         print_plan(summary, directory)
+    warn_of_sides(summary, quiet=quiet)
     warn_of_steps(summary, quiet=quiet)
     return long_exit_code(summary)
 

@@ -34,16 +34,6 @@ def attempts_text(result: Result) -> str:
     return f"the first plan lacks {first.lacking:.3f} m; planned again with {', and with '.join(ways)}, {answer}: that is the plan here"
 
 
-def crossed_texts(result: Result) -> list[str]:
-    """Return a sentence for each obstacle that is passed on the other side than the line passes it, perhaps that of oncoming traffic."""
-    return [
-        f"{called(one.obstacle.label)} at s = {0.5 * (one.s_from + one.s_to):.1f} m is passed on the {one.side}, the line passes it on the "
-        f"{one.side.other}: a property pass = {one.side.other} keeps to that side"
-        for one in result.passed
-        if one.crossed
-    ]
-
-
 def breach_text(result: Result, breach: Breach) -> str:
     """Return a sentence that says which body breaks which limit, by how much and where."""
     name = body_name(result.drive.vehicle, breach.unit)

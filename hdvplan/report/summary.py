@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from hdvplan.judging.fit import finding_json
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Passed, Proof, Result, body_name
 from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of
+from hdvplan.road.regions import Side, called
 from hdvplan.road.road import Road, Smoothing
 from hdvplan.vehicle.body import Wheel, wheels_of
 from hdvplan.vehicle.model import Vehicle
@@ -196,6 +199,7 @@ def _passed(passed: Passed) -> Json:
         "s_m": 0.5 * (passed.s_from + passed.s_to),
         "side": str(passed.side),
         "forced": passed.forced,
+        "crossed": passed.crossed,
         "clearance_m": None if own is None else own.clearance,
         "off_centre_m": None if own is None else own.off_centre,
         "other_violation_m": None if other is None else other.violation,
@@ -203,6 +207,16 @@ def _passed(passed: Passed) -> Json:
         "other_off_centre_m": None if other is None else other.off_centre,
         "reason": reason,
     }
+
+
+def crossed_texts(summary: Mapping[str, Any]) -> list[str]:
+    """Return a sentence for each obstacle that is passed on the other side than the line passes it, perhaps that of oncoming traffic."""
+    return [
+        f"{called(one['name'])} at s = {one['s_m']:.1f} m is passed on the {one['side']}, the line passes it on the "
+        f"{Side(one['side']).other}: a property pass = {Side(one['side']).other} keeps to that side"
+        for one in summary["passed"]
+        if one["crossed"]
+    ]
 
 
 def _breach_json(breach: Breach, drive: Drive) -> Json:

@@ -160,6 +160,7 @@ SUMMARY = (
     Column("tighter_than_balanced_circle", TRUTH, "tighter_than_balanced_circle"),
     *_columns(NUMBER, "needed_half_width_m min_clearance_m limit_violation_m"),
     *_columns(COUNT, "corners breaches obstacles failed_steps rescued_steps attempts"),
+    Column("crossed_sides", COUNT, "passed.crossed"),
     *_columns(NUMBER, "share s_m", before="manners_steering_", within="manners.steering."),
     *_columns(NUMBER, "share s_m", before="manners_steering_rate_", within="manners.steering_rate."),
     *_columns(NUMBER, "prediction_error_m sqp_iterations_mean"),
@@ -218,12 +219,14 @@ def _coordinates(varied: tuple[str, ...]) -> tuple[Column, ...]:
 
 
 def taken(summary: Mapping[str, object], columns: tuple[Column, ...]) -> Row:
-    """Return the values of columns of a summary; a list counts as its length, or is several lines of text."""
+    """Return the values of columns of a summary; a list counts as its length, or entries that are true, or is several lines."""
     row: Row = {}
     for column in columns:
         value: object = summary
         for name in column.path.split("."):
-            value = value.get(name) if isinstance(value, Mapping) else None
+            value = (
+                [one for one in value if one[name]] if isinstance(value, list) else value.get(name) if isinstance(value, Mapping) else None
+            )
         if isinstance(value, list):
             value = len(value) if column.kind == COUNT else "\n".join(map(str, value))
         row[column.name] = float(value) if column.kind == NUMBER and isinstance(value, int | float) else value

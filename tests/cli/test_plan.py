@@ -243,6 +243,22 @@ def test_a_comparison_tells_proofs_and_places_at_the_road_s_start() -> None:
     assert "to spare [m]" not in shown
 
 
+def test_of_several_vehicles_each_is_told_that_it_passes_an_obstacle_on_the_other_side(cli: Cli, tmp_path: Path) -> None:
+    ring = [[60.0, 0.5], [66.0, 0.5], [66.0, 2.0], [60.0, 2.0], [60.0, 0.5]]  # right of it 2.4 m: too little for a bus with that clearance
+    features = [
+        {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
+        for properties, kind, coordinates in (
+            ({"left_m": 9.0, "right_m": 1.9}, "LineString", [[0.0, 0.0], [120.0, 0.0]]),
+            ({"region": "obstacle", "name": "van"}, "Polygon", [ring]),
+        )
+    ]
+    crs = {"type": "name", "properties": {"name": "+proj=tmerc +lat_0=47 +lon_0=8 +ellps=WGS84 +units=m"}}
+    (tmp_path / "van.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}), encoding="utf-8")
+    outcome = cli("plan", "van.geojson", "--vehicle", "bus,citaro", "--clearance", "0.2", "--no-plot", "--no-proof", "--no-refine")
+    for name in ("bus", "citaro"):
+        assert f"{name}: the obstacle 'van' at s = 63.0 m is passed on the left, the line passes it on the right" in outcome.err
+
+
 def test_vehicles_on_a_road_without_limits_are_compared_by_what_they_need(cli: Cli, short_road: str) -> None:
     outcome = cli("plan", short_road, "--vehicle", "bus,a-double", "--no-plot")
     assert outcome.code == 0

@@ -13,12 +13,12 @@ from hdvplan.api import plan
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
-from hdvplan.judging.sentences import crossed_texts
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.passing import options
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.report.summary import crossed_texts, summary_of
 from hdvplan.road.regions import Side
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
@@ -90,7 +90,7 @@ def test_an_obstacle_beside_the_line_is_passed_as_the_line_passes_it_where_the_v
     result = plan(Case(road, BUS, settings=PlannerSettings(clearance=0.2)))
     assert [passed.side for passed in result.passed] == [side]
     warned = "the obstacle 'o0' at s = 63.0 m is passed on the left, the line passes it on the right"
-    assert [text.split(":")[0] for text in crossed_texts(result)] == ([warned] if side is L else [])
+    assert [text.split(":")[0] for text in crossed_texts(summary_of(result))] == ([warned] if side is L else [])
 
 
 def test_a_side_is_forced_for_one_obstacle_or_for_all_on_the_line() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hdvplan.study.cells import cells_of
+from hdvplan.study.cells import SUMMARY, cells_of, taken
 from hdvplan.study.inputs import road_digest
 from hdvplan.study.spec import study_of
 from tests.study.test_spec import OBJECTIVE
@@ -78,3 +78,8 @@ def test_the_parts_of_a_road_in_several_files_count_together(tmp_path: Path, nam
     before = road_digest(str(tmp_path / name))
     (tmp_path / part).write_bytes(b"2")
     assert road_digest(str(tmp_path / name)) != before
+
+
+def test_obstacles_are_counted_that_are_passed_on_the_other_side_than_the_line_passes_them() -> None:
+    row = taken({"passed": [{"crossed": True}, {"crossed": False}, {"crossed": True}], "breaches": [{}]}, SUMMARY)
+    assert (row["crossed_sides"], row["breaches"], row["corners"]) == (2, 1, None)
