@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from hdvplan.vehicle.model import Vehicle
 
 PLANE_HINT = "its x and y are in the plane of the road's path (`plane` in summary.json), as path.csv is; or give lon and lat"
 _LINES = (".gpx", ".kml", ".geojson")  # files of lines in longitude and latitude; any other one is a table
+_OURS, _SUMMARY = ("path.csv", "loop_worst.csv"), "summary.json"  # what we write of a path, and what says in which plane
 _OF_LINE = {"s", "e_y", "e_psi", "kappa", "K"}  # what path.csv says of the road's line, which is asked again
 _SHAPES = {"points": ("n", "2"), "heading": ("n",), "betas": ("n", "couplings"), "steering": ("n", "active")}
 
@@ -73,7 +75,8 @@ class GivenPath:
 def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = None) -> GivenPath:
     """Return the path in a CSV file with columns x, y and, if it has them, heading, beta1, ..., steering1, ...; as ``path.csv`` is written.
 
-    Columns lon, lat [deg] do as well, along a road whose plane has ``to_lonlat``, and so does the line in a GPX, KML or GeoJSON file.
+    Columns lon, lat [deg] do as well, along a road whose plane has ``to_lonlat``, and so does the line in a GPX, KML or GeoJSON file. A
+    path of ours, beside a ``summary.json`` that names another plane, is brought into the road's.
 
     Raises:
         RoadError: as for ``read_columns``, degrees along a road that has none, or angles of some of the trailers or wheels alone.
@@ -104,8 +107,12 @@ def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = N
         f"{f'line {lines[row]}' if lines else f'point {row + 1}'} of {path.name} ({across} {x:.9g}, {up} {y:.9g})"
         for row, (x, y) in enumerate(places)
     )
+    heading, notes = columns.get("heading"), unread_note(unread, path.name)
     if "lon" not in columns:
-        points = np.column_stack([columns["x"], columns["y"]])
+        points, theirs = np.column_stack([columns["x"], columns["y"]]), _plane_beside(path)
+        if theirs is not None and to_lonlat is not None and theirs != to_lonlat.plane:
+            points, heading = _brought(IntoPlane(theirs, to_lonlat.plane), points, heading)
+            notes += (f"{path.name} was planned in another plane than the road's: it is brought into the road's",)
     elif to_lonlat is None:
         msg = f"path {path.name} is in degrees, and the road is not"
         raise RoadError(msg, hint=PLANE_HINT)
@@ -113,8 +120,29 @@ def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = N
         degrees = np.column_stack([columns["lon"], columns["lat"]])
         check_lonlat(degrees, f"path {path.name}")
         points = IntoPlane(LONLAT, to_lonlat.plane)(degrees)
-    angles = (columns.get("heading"), together(couplings), together(steered))
-    return GivenPath(points, *angles, path.name, unread_note(unread, path.name), names)
+    return GivenPath(points, heading, together(couplings), together(steered), path.name, notes, names)
+
+
+def _plane_beside(path: Path) -> str | None:
+    """Return the plane of a path that hdvplan wrote, from the summary beside it; None of other paths."""
+    if path.name not in _OURS:
+        return None
+    try:
+        told = json.loads(path.with_name(_SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    plane = told.get("plane") if isinstance(told, dict) else None
+    return plane if isinstance(plane, str) else None
+
+
+def _brought(into: IntoPlane, points: FloatArray, heading: FloatArray | None) -> tuple[FloatArray, FloatArray | None]:
+    """Return points and headings in another plane, whose north is another one."""
+    there = into(points)
+    if heading is None:
+        return there, None
+    ahead = into(points + np.column_stack([np.cos(heading), np.sin(heading)])) - there
+    turned = np.arctan2(ahead[:, 1], ahead[:, 0])
+    return there, turned + 2.0 * np.pi * np.round((heading - turned) / (2.0 * np.pi))
 
 
 def _line_in(path: Path) -> dict[str, FloatArray]:

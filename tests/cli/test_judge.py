@@ -88,6 +88,21 @@ def test_a_track_of_a_receiver_is_judged_along_a_road_in_degrees_and_its_gaps_ar
     assert "put its points evenly: most are 3.2 m from the next one, line 3 of gap.csv (lon 11.95, lat 57.7) 44.7 m" in told
 
 
+def test_a_plan_s_path_is_judged_in_the_plane_of_a_road_that_was_edited_since(cli: Cli, tmp_path: Path) -> None:
+    """The plane of a road in degrees has its origin in the road's middle: with one point more it is another one, 60 m further on."""
+    lon = 11.95 + 5e-5 * np.arange(34)
+    places = np.column_stack([lon, 57.7 + 1e-4 * np.cos(np.linspace(0.0, 3.0, len(lon)))]).tolist()
+    longer = [*places, [places[-1][0] + 2e-3, places[-1][1]]]
+    for name, points in (("road", places), ("longer", longer)):
+        road = {"type": "Feature", "properties": {"width_m": 8.0}, "geometry": {"type": "LineString", "coordinates": points}}
+        (tmp_path / f"{name}.geojson").write_text(json.dumps(road), encoding="utf-8")
+    own = ("--vehicle", "tractor-trailer", "--no-plot", "--no-proof", "--no-refine", "--json")
+    spare = json.loads(cli("plan", "road.geojson", *own, "--out", "planned").out)["verdict"]["spare_m"]
+    outcome = cli("judge", "planned/path.csv", "longer.geojson", *own[:-2], "--json", "--out", "judged")
+    assert json.loads(outcome.out)["verdict"]["spare_m"] == pytest.approx(spare, abs=0.005)  # files round to 1 mm, planes are scaled apart
+    assert "planned in another plane than the road's" in outcome.err
+
+
 def test_angles_have_names_and_units_and_what_is_unread_or_wrong_is_told(cli: Cli, planned: Path, short_road: str) -> None:
     path = pd.read_csv(planned / "path.csv")
     named = pd.DataFrame({"x": path["x"], "y": path["y"], "Yaw [deg]": np.degrees(path["heading"]), "v": 5.0, "theta_trailer": 0.0})
