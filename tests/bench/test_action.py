@@ -73,12 +73,20 @@ def values(runner: Runner, **inputs: str) -> dict[str, str]:
     return {f"inputs.{name}": value for name, value in (usual | inputs).items()} | {
         "github.action_path": str(runner.folder / "source"), "github.token": "t", "github.repository": "them/theirs",
         "github.event.pull_request.number": "5", "steps.gate.outputs.code": inputs.get("code", "0"),
+        "github.job": "planning", "strategy.job-index": "0",
     }  # fmt: skip
 
 
 def test_no_input_is_written_into_a_script_and_the_comment_is_of_pull_requests_alone() -> None:
     assert not any("${{" in step.get("run", "") for step in STEPS.values())
     assert STEPS["comment"]["if"] == "inputs.comment == 'true' && github.event_name == 'pull_request'"
+
+
+def test_the_jobs_of_a_matrix_leave_artifacts_of_their_own() -> None:
+    """GitHub refuses a second artifact of one name in a run, and names with a slash."""
+    (name,) = (step["with"]["name"] for step in ACTION["runs"]["steps"] if step.get("uses", "").startswith("actions/upload-artifact"))
+    assert {"${{ github.job }}", "${{ strategy.job-index }}"} <= set(re.findall(r"\$\{\{ [\w.-]+ \}\}", name))
+    assert "inputs." not in name
 
 
 def test_hdvplan_is_installed_once_and_again_when_the_action_is_another_one(runner: Runner) -> None:
@@ -105,7 +113,7 @@ def test_a_comment_is_posted_once_then_replaced_and_a_fork_that_may_not_is_no_er
     (runner.folder / "gate" / "summary.md").write_text("**fine**\n", encoding="utf-8")
     posted = runner.run("comment", values(runner))[1].splitlines()[-1]
     assert posted == f"gh: api --silent -X POST repos/them/theirs/issues/5/comments -F body=@{runner.folder}/comment.md"
-    assert (runner.folder / "comment.md").read_text(encoding="utf-8") == "<!-- hdvplan timing gate -->\n**fine**\n"
+    assert (runner.folder / "comment.md").read_text(encoding="utf-8") == "<!-- hdvplan timing gate, job planning 0 -->\n**fine**\n"
     replaced = runner.run("comment", values(runner))[1].splitlines()[-1]
     assert replaced == f"gh: api --silent -X PATCH repos/them/theirs/issues/comments/77 -F body=@{runner.folder}/comment.md"
     fork = values(runner) | {"github.repository": "FORBIDDEN"}
