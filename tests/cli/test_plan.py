@@ -278,7 +278,7 @@ def test_a_scale_without_room_is_refused_before_anything_is_planned(cli: Cli, mo
 
 
 def test_limits_that_leave_the_smoothed_line_are_told_with_what_helps(cli: Cli) -> None:
-    Path("bends.csv").write_text("x,y\n0,0\n102,53\n152,77\n193,95\n251,103\n", encoding="utf-8")
+    Path("bends.csv").write_text("x,y\n0,0\n40,0\n54,-6\n66,-15\n160,-48\n", encoding="utf-8")
     arguments = ("plan", "bends.csv", "--vehicle", "bus", "--offset", "-1.6", "--half-width", "1.5", "--no-plot", "--no-proof")
     told = "lie beside the smoothed line: try --corners sharp or round, or draw the edges"
     assert told in cli(*arguments).err
