@@ -108,46 +108,18 @@ static void see(const struct hdv_limits *own, const struct hdv_scene *scene, int
     *clear_at(own, scene, i) = 0.0;
 }
 
-/* Write how far any point of the vehicle can move at most by each state, and by the curvature until a stage [m, m/rad,
- * m^2]: wheels turn poses before the stage. */
-static void begin_levers(const struct hdv_limits *own, const struct hdv_scene *scene, double *levers) {
-    levers[0] = 1.0;
-    for (int64_t j = 1; j <= scene->states; j++)
-        levers[j] = own->reach * (j < 1 + scene->unit_count ? 1.0 : scene->step);
-}
-
 /* Write by how much a stage's state, and the curvature until it, differ from what was seen; return how far any point
  * has moved at most [m]. */
-static double moved_by(
-    const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, const double *levers, double *restrict by
-) {
-    int64_t n = scene->states;
-    const double *z = state_at(scene->motion, n, i), *seen = seen_at(own, scene, i);
-    by[n] = state_at(scene->motion, n, i - 1)[n] - seen[n];
-    double moved = levers[n] * fabs(by[n]);
-    for (int64_t j = 0; j < n; j++) {
-        by[j] = z[j] - seen[j];
-        moved += levers[j] * fabs(by[j]);
-    }
-    return moved;
-}
-
-/* Write how far any point of each body has moved at most [m]: it turns with every coupling before it, at a lever from
- * there to its furthest point, however the vehicle is folded. */
-static void moved_bodies(const struct hdv_scene *scene, const double *levers, const double *by, double *moved) {
+static double moved_by(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, double *by) {
     int64_t n = scene->states, units = scene->unit_count;
-    double aside = fabs(by[0]), turned = 0.0, nearer = 0.0, coupling = 0.0; /* [m], [rad], [m], [m] behind the axle */
-    for (int64_t j = 1 + units; j <= n; j++)
-        aside += levers[j] * fabs(by[j]);
-    for (int64_t number = 0; number < units; number++) {
-        const struct hdv_unit *unit = &scene->units[number];
-        double axle = number > 0 ? unit->wheelbase : 0.0, angle = fabs(by[1 + number]);
-        double end = larger(fabs(unit->front - axle), axle + unit->rear_overhang) + unit->half_width;
-        turned += angle;
-        nearer += angle * coupling;
-        moved[number] = aside + turned * (coupling + end) - nearer;
-        coupling += axle + fabs(unit->hitch_offset);
-    }
+    const double *z = state_at(scene->motion, n, i), *seen = seen_at(own, scene, i);
+    for (int64_t j = 0; j < n; j++)
+        by[j] = z[j] - seen[j];
+    by[n] = state_at(scene->motion, n, i - 1)[n] - seen[n];
+    double turned = scene->step * fabs(by[n]); /* wheels turn poses before the stage */
+    for (int64_t j = 1; j < n; j++)
+        turned += fabs(by[j]) * (j < 1 + units ? 1.0 : scene->step);
+    return fabs(by[0]) + own->reach * turned;
 }
 
 /* How far any point of a body has moved at most from one pose to another [m]. */
@@ -159,14 +131,12 @@ static double way_between(const struct hdv_unit *unit, const struct hdv_pose *fr
 
 /* Of bodies that no bound from the state clears: take over what the stage before is clear of, as far as they have not
  * moved since. While limits bind all are looked at. */
-static void take_over(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, const double *levers) {
+static void take_over(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     int64_t units = scene->unit_count, at = (scene->at + i) * units;
-    double by[HDV_MOST_STATES + 1], moved[HDV_MOST_UNITS];
-    moved_by(own, scene, i - 1, levers, by);
-    moved_bodies(scene, levers, by, moved);
+    double by[HDV_MOST_STATES + 1], moved = moved_by(own, scene, i - 1, by);
     for (int64_t unit = 0; unit < units; unit++) {
         const struct hdv_pose *pose = &scene->poses[i * units + unit];
-        double way = moved[unit] + way_between(&scene->units[unit], pose - units, pose);
+        double way = moved + way_between(&scene->units[unit], pose - units, pose);
         for (int64_t edge = 2 * (at + unit); edge < 2 * (at + unit + 1); edge++) {
             const struct hdv_edge *last = &own->edges[edge - 2 * units];
             double clear = smaller(last->clear, MOST_M) - way;
@@ -178,7 +148,7 @@ static void take_over(const struct hdv_limits *own, const struct hdv_scene *scen
 
 /* Write what is known of a stage that nothing has been seen of: clearances by a bound from the state. Where the vehicle
  * has not moved since the stage before, the rows of that one are enough; some stations have no limits. */
-static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, const double *levers) {
+static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     int64_t units = scene->unit_count, at = (scene->at + i) * units;
     const struct hdv_station *road = &scene->road[i];
     int free = stands(road - 1) || road->room_left == INFINITY;
@@ -186,34 +156,27 @@ static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *sc
     for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++)
         own->edges[edge] = (struct hdv_edge){clear, clear, 0.0, 0.0, INFINITY};
     if (!(clear - road->margin - own->clearance > HDV_CLEAR_M) && !scene->binding && i > 1)
-        take_over(own, scene, i, levers);
+        take_over(own, scene, i);
     see(own, scene, i);
-}
-
-/* Whether a body was looked at, here or in the stage before, and needed no rows. */
-static int without_rows(const struct hdv_edge *sides) {
-    return sides[0].looked > 0.0 && sides[1].looked > 0.0 && sides[0].never > 0.0 && sides[1].never > 0.0;
 }
 
 /* Bring the rows of a stage to its motion: they are straight as far as it has moved. Return whether it has none, and
  * needs none. */
-static int follow(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, const double *levers) {
+static int follow(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     const struct hdv_program *program = &scene->program;
     int64_t n = scene->states, units = scene->unit_count;
-    double by[HDV_MOST_STATES + 1], moved[HDV_MOST_UNITS], most = moved_by(own, scene, i, levers, by);
-    if (!scene->binding && *clear_at(own, scene, i) - most > HDV_CLEAR_M)
+    double by[HDV_MOST_STATES + 1], moved = moved_by(own, scene, i, by);
+    if (!scene->binding && *clear_at(own, scene, i) - moved > HDV_CLEAR_M)
         return 1;
     see(own, scene, i);
-    if (most == 0.0)
+    if (moved == 0.0)
         return 0;
-    moved_bodies(scene, levers, by, moved);
     struct hdv_edge *edges = own->edges + 2 * (scene->at + i) * units;
     int64_t each = own->rows / (2 * units);
     for (int64_t edge = 0; edge < 2 * units; edge++) {
-        double by_own = without_rows(&edges[edge - edge % 2]) ? moved[edge / 2] : most;
-        edges[edge].clear -= by_own;
-        edges[edge].gap -= by_own;
-        edges[edge].moved += most;
+        edges[edge].clear -= moved;
+        edges[edge].gap -= moved;
+        edges[edge].moved += moved;
         int64_t rows = edges[edge].looked >= LOOKED && edges[edge].never == 0.0 ? each : 0; /* others never bind */
         for (int64_t number = own->row + edge * each; number < own->row + edge * each + rows; number++) {
             struct row row = program_row(program, i, number);
@@ -516,14 +479,12 @@ int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t 
     struct hdv_limits *own = data;
     int64_t last = scene->program.shape.stages;
     struct stage_scene at; /* its 0.1 MB are not set to zero first: that took longer than some plans' limits */
-    double levers[HDV_MOST_STATES + 1];
     at.own = own;
     at.scene = scene;
-    begin_levers(own, scene, levers);
     for (int64_t i = begin; i <= last; i++) {
         if (fresh)
-            begin_stage(own, scene, i, levers);
-        if (fresh || !follow(own, scene, i, levers))
+            begin_stage(own, scene, i);
+        if (fresh || !follow(own, scene, i))
             write_stage(&at, i);
     }
     own->violation = 0.0;
