@@ -27,8 +27,6 @@
 #define NEARER_M 0.05 /* nearer still, it is looked at in every pose of the interval */
 #define FINE_M                                                                                                         \
     30.0 /* as far ahead poses between stations are looked at: what is found late moves a plan by centimetres */
-#define SPARE_M 0.15 /* of a bound from the stage before: less than that is used up by the next motion */
-#define MOST_M 2.0   /* of such a bound: what comes beside a body on its way is further away */
 #define DRIFT_M 2e-3 /* rows are good for so small a motion, and for a part of the gap: */
 #define DRIFT 0.1
 
@@ -49,8 +47,7 @@ struct stage_scene {
     struct before before[HDV_BETWEEN]; /* the first is the stage itself */
 };
 
-/* How a side was looked at: BESIDE, in the stage before, from which it has moved less than it was clear there. */
-#define BESIDE 0.5
+/* How a side was looked at. */
 #define LOOKED 1.0
 #define LOOKED_FINELY 2.0
 
@@ -108,6 +105,18 @@ static void see(const struct hdv_limits *own, const struct hdv_scene *scene, int
     *clear_at(own, scene, i) = 0.0;
 }
 
+/* Write what is known of a stage that nothing has been seen of: clearances by a bound from the state. Where the vehicle
+ * has not moved since the stage before, the rows of that one are enough; some stations have no limits. */
+static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
+    int64_t units = scene->unit_count, at = (scene->at + i) * units;
+    const struct hdv_station *road = &scene->road[i];
+    int free = stands(road - 1) || road->room_left == INFINITY;
+    double clear = free ? FAR_M : clear_by_state(scene->units, units, road, state_at(scene->motion, scene->states, i));
+    for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++)
+        own->edges[edge] = (struct hdv_edge){clear, clear, 0.0, 0.0, INFINITY};
+    see(own, scene, i);
+}
+
 /* Write by how much a stage's state, and the curvature until it, differ from what was seen; return how far any point
  * has moved at most [m]. */
 static double moved_by(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, double *by) {
@@ -120,44 +129,6 @@ static double moved_by(const struct hdv_limits *own, const struct hdv_scene *sce
     for (int64_t j = 1; j < n; j++)
         turned += fabs(by[j]) * (j < 1 + units ? 1.0 : scene->step);
     return fabs(by[0]) + own->reach * turned;
-}
-
-/* How far any point of a body has moved at most from one pose to another [m]. */
-static double way_between(const struct hdv_unit *unit, const struct hdv_pose *from, const struct hdv_pose *to) {
-    double turned = hypot(to->cos - from->cos, to->sin - from->sin);
-    double reach = hypot(larger(unit->front, unit->rear_overhang), unit->half_width);
-    return hypot(to->x - from->x, to->y - from->y) + reach * turned;
-}
-
-/* Of bodies that no bound from the state clears: take over what the stage before is clear of, as far as they have not
- * moved since. While limits bind all are looked at. */
-static void take_over(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
-    int64_t units = scene->unit_count, at = (scene->at + i) * units;
-    double by[HDV_MOST_STATES + 1], moved = moved_by(own, scene, i - 1, by);
-    for (int64_t unit = 0; unit < units; unit++) {
-        const struct hdv_pose *pose = &scene->poses[i * units + unit];
-        double way = moved + way_between(&scene->units[unit], pose - units, pose);
-        for (int64_t edge = 2 * (at + unit); edge < 2 * (at + unit + 1); edge++) {
-            const struct hdv_edge *last = &own->edges[edge - 2 * units];
-            double clear = smaller(last->clear, MOST_M) - way;
-            if (last->looked > 0.0 && clear - scene->road[i].margin - own->clearance > HDV_CLEAR_M + SPARE_M)
-                own->edges[edge] = (struct hdv_edge){clear, clear, BESIDE, 0.0, INFINITY};
-        }
-    }
-}
-
-/* Write what is known of a stage that nothing has been seen of: clearances by a bound from the state. Where the vehicle
- * has not moved since the stage before, the rows of that one are enough; some stations have no limits. */
-static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
-    int64_t units = scene->unit_count, at = (scene->at + i) * units;
-    const struct hdv_station *road = &scene->road[i];
-    int free = stands(road - 1) || road->room_left == INFINITY;
-    double clear = free ? FAR_M : clear_by_state(scene->units, units, road, state_at(scene->motion, scene->states, i));
-    for (int64_t edge = 2 * at; edge < 2 * (at + units); edge++)
-        own->edges[edge] = (struct hdv_edge){clear, clear, 0.0, 0.0, INFINITY};
-    if (!(clear - road->margin - own->clearance > HDV_CLEAR_M) && !scene->binding && i > 1)
-        take_over(own, scene, i);
-    see(own, scene, i);
 }
 
 /* Bring the rows of a stage to its motion: they are straight as far as it has moved. Return whether it has none, and
@@ -177,7 +148,7 @@ static int follow(const struct hdv_limits *own, const struct hdv_scene *scene, i
         edges[edge].clear -= moved;
         edges[edge].gap -= moved;
         edges[edge].moved += moved;
-        int64_t rows = edges[edge].looked >= LOOKED && edges[edge].never == 0.0 ? each : 0; /* others never bind */
+        int64_t rows = edges[edge].looked > 0.0 && edges[edge].never == 0.0 ? each : 0; /* others never bind */
         for (int64_t number = own->row + edge * each; number < own->row + edge * each + rows; number++) {
             struct row row = program_row(program, i, number);
             for (int64_t j = 0; j <= n; j++)
@@ -451,7 +422,7 @@ static double gap_of(const struct hdv_limits *own, const struct hdv_scene *scene
     const struct hdv_program *program = &scene->program;
     const struct hdv_edge *edge = own->edges + 2 * (scene->at + i) * scene->unit_count + number;
     int64_t each = own->rows / (2 * scene->unit_count);
-    if (edge->looked < LOOKED || edge->never > 0.0)
+    if (edge->looked == 0.0 || edge->never > 0.0)
         return edge->gap;
     double least = INFINITY;
     for (int64_t row = own->row + number * each; row < own->row + number * each + HDV_ROWS_PER_SIDE; row++)
