@@ -96,9 +96,9 @@ def test_a_plan_s_path_is_judged_in_the_plane_of_a_road_that_was_edited_since(cl
     for name, points in (("road", places), ("longer", longer)):
         road = {"type": "Feature", "properties": {"width_m": 8.0}, "geometry": {"type": "LineString", "coordinates": points}}
         (tmp_path / f"{name}.geojson").write_text(json.dumps(road), encoding="utf-8")
-    own = ("--vehicle", "tractor-trailer", "--no-plot", "--no-proof", "--no-refine", "--json")
-    spare = json.loads(cli("plan", "road.geojson", *own, "--out", "planned").out)["verdict"]["spare_m"]
-    outcome = cli("judge", "planned/path.csv", "longer.geojson", *own[:-2], "--json", "--out", "judged")
+    own = ("--vehicle", "tractor-trailer", "--no-plot", "--no-proof", "--json")
+    spare = json.loads(cli("plan", "road.geojson", *own, "--no-refine", "--out", "planned").out)["verdict"]["spare_m"]
+    outcome = cli("judge", "planned/path.csv", "longer.geojson", *own, "--out", "judged")
     assert json.loads(outcome.out)["verdict"]["spare_m"] == pytest.approx(spare, abs=0.005)  # files round to 1 mm, planes are scaled apart
     assert "planned in another plane than the road's" in outcome.err
 
