@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
+from hdvplan.fileio import read_json
 from hdvplan.road.columns import unread_note
 from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat
 from hdvplan.road.load import find_road
@@ -127,12 +128,10 @@ def _plane_beside(path: Path) -> str | None:
     """Return the plane of a path that hdvplan wrote, from the summary beside it; None of other paths."""
     if path.name not in _OURS:
         return None
-    try:
-        told = json.loads(path.with_name(_SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    plane = told.get("plane") if isinstance(told, dict) else None
-    return plane if isinstance(plane, str) else None
+    with suppress(OSError, ValueError, LookupError, TypeError):  # of none, and of other files of that name
+        plane = read_json(path.with_name(_SUMMARY))["plane"]
+        return plane if isinstance(plane, str) else None
+    return None
 
 
 def _brought(into: IntoPlane, points: FloatArray, heading: FloatArray | None) -> tuple[FloatArray, FloatArray | None]:
