@@ -12,7 +12,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.fileio import read_json
 from hdvplan.road.columns import unread_note
-from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat
+from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat, parse_crs
 from hdvplan.road.load import find_road
 from hdvplan.road.load_csv import read_columns
 from hdvplan.vehicle.model import Vehicle
@@ -125,13 +125,25 @@ def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = N
 
 
 def _plane_beside(path: Path) -> str | None:
-    """Return the plane of a path that hdvplan wrote, from the summary beside it; None of other paths."""
+    """Return the plane of a path that hdvplan wrote, from the summary beside it; None of other paths.
+
+    Raises:
+        RoadError: a plane that nobody knows.
+
+    """
     if path.name not in _OURS:
         return None
+    plane = None
     with suppress(OSError, ValueError, LookupError, TypeError):  # of none, and of other files of that name
         plane = read_json(path.with_name(_SUMMARY))["plane"]
-        return plane if isinstance(plane, str) else None
-    return None
+    if not isinstance(plane, str):
+        return None
+    try:
+        parse_crs(plane)
+    except RoadError as error:
+        msg = f"{_SUMMARY} beside {path.name} names a plane of no use: {error}"
+        raise RoadError(msg, hint=f"plan again, or judge the path without that {_SUMMARY}") from error
+    return plane
 
 
 def _brought(into: IntoPlane, points: FloatArray, heading: FloatArray | None) -> tuple[FloatArray, FloatArray | None]:

@@ -101,6 +101,11 @@ def test_a_plan_s_path_is_judged_in_the_plane_of_a_road_that_was_edited_since(cl
     outcome = cli("judge", "planned/path.csv", "longer.geojson", *own, "--out", "judged")
     assert json.loads(outcome.out)["verdict"]["spare_m"] == pytest.approx(spare, abs=0.005)  # files round to 1 mm, planes are scaled apart
     assert "planned in another plane than the road's" in outcome.err
+    beside = tmp_path / "planned" / "summary.json"
+    beside.write_text(json.dumps({**json.loads(beside.read_text(encoding="utf-8")), "plane": "EPSG:1234567"}), encoding="utf-8")
+    outcome = cli("judge", "planned/path.csv", "longer.geojson", *own, "--out", "judged")
+    assert outcome.code == 2
+    assert "summary.json beside path.csv names a plane of no use: unknown coordinate reference system 'EPSG:1234567'" in outcome.err
 
 
 def test_angles_have_names_and_units_and_what_is_unread_or_wrong_is_told(cli: Cli, planned: Path, short_road: str) -> None:
