@@ -76,6 +76,10 @@ class Case:
                 msg = f"the {side} limit at s = {s:.1f} m is {abs(values[far[0]]):g} m away; at most {_WIDEST_M / 1e3:g} km can be meant"
                 raise RoadError(msg, s_m=s, hint="leave the limit out where there is none")
 
+    def __repr__(self) -> str:
+        """Return one line, for a notebook."""
+        return f"<{type(self).__name__}: {self.vehicle.name} on {self.road!r}, {self.objective_name}, {self.solver_name}>"
+
     @cached_property
     def key(self) -> str:
         """A digest of everything that changes the plan, 32 hexadecimal digits; the same in every process and on every platform.

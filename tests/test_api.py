@@ -38,6 +38,7 @@ def test_ten_lines_lead_from_a_road_to_a_report(tmp_path: Path) -> None:
     assert repr(result).startswith("<Result of bus on uturn: ok, least room 0.1")  # what a notebook shows
     assert repr(result.drive) == f"<Drive of bus on uturn: {result.drive.road.path.length:.1f} m, {len(result.drive.plans)} plans>"
     assert repr(need) == "<Need of bus on uturn: 2.48 m half width>"
+    assert repr(case) == f"<Case: bus on <Road uturn: {road.path.length:.1f} m, with limits>, geometric, riccati>"
     assert all((tmp_path / name).stat().st_size > 0 for name in ("uturn/plan.png", "plan.pdf", "report.html"))
 
 
@@ -67,7 +68,7 @@ PLAIN = hdvplan.Case(hdvplan.load_road("uturn"), hdvplan.load_vehicle("bus"))
         (lambda: hdvplan.Case(**vars(PLAIN) | {"settings": {}}), r"settings must be a PlannerSettings, not \{\}"),
         (lambda: replace(PLAIN, objective="balancd"), r"unknown objective 'balancd'\nhint: did you mean 'balanced'\?"),
         (lambda: hdvplan.plan("uturn"), r"case must be a Case, not 'uturn'\nhint: hdvplan\.Case\(road, vehicle\)"),  # type: ignore[arg-type]
-        (lambda: hdvplan.closed_loop(PLAIN), r"result must be a Result, not Case.*\nhint: hdvplan\.plan"),  # type: ignore[arg-type]
+        (lambda: hdvplan.closed_loop(PLAIN), r"result must be a Result, not <Case: bus on .*\nhint: hdvplan\.plan"),  # type: ignore[arg-type]
         (lambda: hdvplan.judge(PLAIN, [[0, 0], [1, 1]]), r"path must be a GivenPath, not \[\[0, 0\], \[1, 1\]\]\nhint: "),  # type: ignore[arg-type]
         (lambda: hdvplan.PlannerSettings(horizon="50"), r"horizon must be a number, not '50'"),  # type: ignore[arg-type]
         (lambda: hdvplan.Vehicle("a", [UNIT]), r"units must be a tuple, not \[Unit\("),  # type: ignore[arg-type]

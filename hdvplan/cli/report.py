@@ -34,6 +34,10 @@ def report(
     if out.is_dir():
         msg = f"--out {out} is a folder, not a file"
         raise OptionError(msg)
+    others = [path for path in directories if path.is_file()]
+    if others and len(others) < len(directories):  # as a shell's DIR/* gives: several vehicles' table lies beside their folders
+        directories = [path for path in directories if path not in others]
+        note(f"left out, as no folders: {', '.join(map(str, others))}", quiet=quiet)
     with writing(f"{out}", "choose another file with --out"), progress("writing the report", quiet=quiet) as on_progress:
         size = write_report(directories, out, title=title, on_progress=on_progress)
     if json:

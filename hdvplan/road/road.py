@@ -64,6 +64,11 @@ class Road:
     #: the faces of regions, as they are passed; None: each on its usual side
     faces: tuple[Kerb, ...] | None = field(default=None, metadata={"decides": False})
 
+    def __repr__(self) -> str:
+        """Return one line, for a notebook: all fields together have thousands of signs."""
+        kerbs = "without limits" if self.given is None else "with limits"
+        return f"<{type(self).__name__} {self.name}: {self.path.length:.1f} m, {kerbs}>"
+
     @cached_property
     def given(self) -> Street | None:
         """The street's kerbs without its regions; without limits those of an open place where it has regions, None else."""

@@ -19,9 +19,10 @@ def plans(cli: Cli, short_road: str) -> tuple[str, str]:
 
 
 def test_plans_become_one_file(cli: Cli, tmp_path: Path, plans: tuple[str, str]) -> None:
-    outcome = cli("report", *plans, "--title", "Two objectives")
+    (tmp_path / "compared.csv").touch()  # as the shell's DIR/* gives it too
+    outcome = cli("report", "compared.csv", *plans, "--title", "Two objectives")
     assert (outcome.code, outcome.out) == (0, "")
-    assert outcome.err.startswith("wrote report.html: 2 plans, ")
+    assert outcome.err.startswith("left out, as no folders: compared.csv\nwrote report.html: 2 plans, ")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "<title>Two objectives</title>" in page
     assert page.count('class="plan"') == 2
