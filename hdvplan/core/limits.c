@@ -292,7 +292,7 @@ struct looked {
 
 /* Look at a body before a stage, and keep what is tighter; return the least gap. */
 static double
-look_before(struct stage_scene *at, int64_t unit, int number, const struct some_blocks *among, struct looked *found) {
+look_before(struct stage_scene *at, int64_t unit, int number, const struct hdv_near *among, struct looked *found) {
     struct hdv_contacts seen;
     if (!at->before[number].known)
         see_before(at, number);
@@ -332,9 +332,10 @@ static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *fo
         least = 0.0;
     if (least > NEAR_M)
         return;
-    struct some_blocks near;
-    pieces_near(own->street, body, pose, s, own->behind[unit], own->clearance + AMONG_M + at->scene->step, &near);
-    const struct some_blocks *among = near.count < 0 || least < -AMONG_M ? NULL : &near; /* far beyond a kerb, all */
+    const struct hdv_near *among = own->near;
+    pieces_near(own->street, body, pose, s, own->behind[unit], own->clearance + AMONG_M + at->scene->step, own->near);
+    if (among->count < 0 || least < -AMONG_M) /* far beyond a kerb, all */
+        among = NULL;
     for (int round = 0; round < 2 && least <= (round == 0 ? NEAR_M : NEARER_M);
          round++) { /* every other one, the others */
         for (int number = 2 - round; number < HDV_BETWEEN; number += 2)

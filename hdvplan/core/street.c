@@ -499,7 +499,7 @@ static void add_place(struct hdv_block *to, const struct hdv_block *block, int64
 /* List the pieces beside a body that are nearer to it than ``reach`` [m]; there may be too many. */
 void pieces_near(
     const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
-    double reach, struct some_blocks *found
+    double reach, struct hdv_near *found
 ) {
     struct box_beside box = {
         pose, -unit->rear_overhang - reach, unit->front + reach, unit->half_width + reach, line_beside(unit, s, behind),
@@ -531,7 +531,7 @@ void pieces_near(
 /* Write the tightest contacts of a body whose axle is so far behind the lead rear axle, on a straight, which is at
  * arclength s [m], with some pieces, or all (NULL). */
 void look_at_body(
-    const struct hdv_street *street, const struct some_blocks *among, enum hdv_look look, const struct hdv_unit *unit,
+    const struct hdv_street *street, const struct hdv_near *among, enum hdv_look look, const struct hdv_unit *unit,
     const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
 ) {
     struct search in = {.street = street, .look = look, .unit = unit, .pose = pose, .axle = s - behind};

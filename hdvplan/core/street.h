@@ -91,8 +91,8 @@ struct some_pieces {
     int64_t numbers[HDV_SOME];
 };
 
-/* The same by blocks. */
-struct some_blocks {
+/* The same by blocks, near a body. */
+struct hdv_near {
     int64_t count; /* -1: too many pieces to be listed */
     struct hdv_block blocks[HDV_SOME];
 };
@@ -114,10 +114,10 @@ int64_t
 pieces_from(int64_t from, const struct hdv_street *street, const struct box_beside *in, struct some_pieces *found);
 void pieces_near(
     const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
-    double reach, struct some_blocks *found
+    double reach, struct hdv_near *found
 );
 void look_at_body(
-    const struct hdv_street *street, const struct some_blocks *among, enum hdv_look look, const struct hdv_unit *unit,
+    const struct hdv_street *street, const struct hdv_near *among, enum hdv_look look, const struct hdv_unit *unit,
     const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
 );
 

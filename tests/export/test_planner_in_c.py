@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 TIGHT = Case(load_road("uturn").with_limits(2.55, 2.55), load_vehicle("bus"))  # 2.49 m are needed
 # What a freestanding compiler asks of its environment, and functions of math.h.
+STACK_BYTES = 16384  # of one function: embedded systems give a task some tens of kB
 ASKED = {"memcpy", "memmove", "memset", "memcmp", "sin", "cos", "tan", "atan", "sqrt", "hypot", "fabs", "copysign", "sincos"}
 
 
@@ -177,6 +178,8 @@ def test_the_planner_asks_for_nothing_but_mathematics_and_copies(tmp_path: Path)
     assert {name for kind, name in symbols if kind == "U"} - defined <= ASKED
     assert {kind for kind, _ in symbols} <= set("TtRrUd")  # no memory of its own that is written: neither data nor bss
     assert "malloc" not in listed
+    frames = [int(line.split("\t")[1]) for path in tmp_path.glob("*.su") for line in path.read_text(encoding="utf-8").splitlines()]
+    assert 0 < max(frames) < STACK_BYTES  # what is larger belongs into the caller's memory
 
 
 @pytest.mark.parametrize(
