@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, driven, ready
 from hdvplan.driving.followed import Followed, followed
-from hdvplan.driving.given import GivenPath
-from hdvplan.errors import PlanError
+from hdvplan.driving.given import DENSE_M, GivenPath
+from hdvplan.errors import PlanError, RoadError
 from hdvplan.judging.result import Result, result_of
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.bias import CENTRE, bias_named
@@ -72,8 +74,17 @@ def judge(case: Case, path: GivenPath) -> Result:
 
 
 def given_result(case: Case, path: GivenPath, along: Followed) -> Result:
-    """Return the judged drive along a path of one's own, which knows the path's file."""
-    return replace(result_of(along.drive, solver=case.solver, objective=case.objective), path=path.name)
+    """Return the judged drive along a path of one's own, which knows the path's file, and what hangs on the curve between its points."""
+    apart = float(np.max(path.spacing))
+    result = replace(result_of(along.drive, solver=case.solver, objective=case.objective), path=path.name)
+    if apart <= DENSE_M:
+        return result
+    try:
+        other = result_of(follow(case, path.otherwise).drive, solver=case.solver, objective=case.objective)
+    except (PlanError, RoadError):
+        return replace(result, between=(apart, np.inf))
+    rooms = np.array([[own.max_left, own.max_right, own.min_clearance] for own in (result.balance, other.balance)], dtype=float)
+    return replace(result, between=(apart, float(np.max(np.ptp(np.nan_to_num(rooms, posinf=0.0), axis=0)))))  # of no limits, or none near
 
 
 def biased(case: Case, text: str) -> Case:

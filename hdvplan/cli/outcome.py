@@ -147,12 +147,14 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
     """Warn of what a driver would find too much and, where a vehicle does not fit, of the places that the fit check calls too narrow."""
     from hdvplan.judging.envelope import steering_of, steering_texts
     from hdvplan.judging.fit import finding_text, folded_text
-    from hdvplan.judging.sentences import attempts_text, solver_texts
+    from hdvplan.judging.sentences import attempts_text, between_texts, solver_texts
 
     for text in solver_texts(result):
         warn(text, quiet=quiet)
     if result.attempts:
         note(attempts_text(result), quiet=quiet)
+    for text, tell_it in zip(between_texts(result, verdict.spare), (note, warn), strict=False):
+        tell_it(text, quiet=quiet)
     for text in steering_texts(result.drive, steering_of(result.drive)):
         warn(text, quiet=quiet)
     findings = () if verdict.fits else result.fit.findings

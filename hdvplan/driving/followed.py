@@ -40,7 +40,11 @@ _NEWTON = 4  # steps; the first guess is between points that are at most some me
 _FORWARD = 0.05  # cosine of the angle to the line, at least
 _HINT = "x and y are the middle of the lead unit's rear axle, heading its direction [rad, counter-clockwise from x]"
 _UNEVEN = 5.0  # times as far apart as most points: a curve through both swings
+_THIN_M = 5.0  # points of a recorded track are as far apart, at least
 _RECORDED = "near points count to the millimetre: of a track that was recorded keep one every 5 to 10 m"
+_SCATTERED = (
+    "a recorded track scatters too much for this spacing: smooth it first, as by a moving mean; no answer is better than the track's error"
+)
 
 
 @dataclass(frozen=True)
@@ -56,8 +60,9 @@ class Followed:
 def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: GivenPath, objective: Objective) -> Followed:
     """Return the drive of a vehicle along a given path, over the part of the road that it covers; ``objective`` is not asked.
 
-    Between its points the path is the cubic with their headings; over each ``POSE_SPACING_M`` of road the trailers follow an arc with the
-    path's mean curvature there. Where the path says nothing of the trailers, they begin as they stand in a circle of the road's curvature.
+    Between its points, ``filled``, the path is the cubic with their headings; over each ``POSE_SPACING_M`` of road the trailers follow an
+    arc with the path's mean curvature there. Where the path says nothing of the trailers, they begin as they stand in a circle of the
+    road's curvature.
 
     Raises:
         RoadError: points or headings that are no path, or that do not run along the road.
@@ -102,6 +107,7 @@ class _Curve:
     betas: FloatArray | None
     steering: FloatArray
     named: Callable[[int], str]  # what messages call its points
+    hint: str  # where it turns too sharply
 
     @classmethod
     def of(cls, path: GivenPath, vehicle: Vehicle) -> _Curve:
@@ -110,6 +116,7 @@ class _Curve:
             if angles is not None and angles.shape[1] != count:
                 msg = f"{name} have {angles.shape[1]} columns, the {vehicle.name} {count}"
                 raise OptionError(msg)
+        given, path = path, path.filled()
         own: BoolArray = np.append(True, np.hypot(*np.diff(path.points, axis=0).T) > _APART_M)
         points, rows = path.points[own], np.flatnonzero(own)
 
@@ -120,7 +127,8 @@ class _Curve:
             msg = "the path has fewer than two different points"
             raise RoadError(msg, hint=_HINT)
         chords = np.diff(points, axis=0)
-        length = np.hypot(*chords.T)
+        length, usual = np.hypot(*chords.T), float(np.median(given.spacing))
+        hint = _SCATTERED if usual > _THIN_M else _RECORDED
         if vehicle.active and path.steering is None:
             msg = "the path has no column steering1 with the angles of the wheels that the vehicle steers by itself"
             raise RoadError(msg, hint=f"{_HINT}; one column for each steered axle")
@@ -138,16 +146,18 @@ class _Curve:
             row = int(askew[0])
             where = f"at {named(row)} the path"
             if path.heading is None:
-                msg = f"{where} turns too sharply for a curve through its points"
-                usual, longest = float(np.median(length)), int(np.argmax(length))
+                turns = np.degrees(np.abs(wrapped(np.diff(np.arctan2(*chords.T[::-1])))))
+                by = f"by {np.max(turns[max(row - 1, 0) : row + 1]):.0f} degrees within {length[row]:.1f} m"
+                msg = f"{where} turns too sharply for a curve through its points, {by}"
+                longest = int(np.argmax(length))
                 gap = f"put its points evenly: most are {usual:.1f} m from the next one, {named(longest)} {length[longest]:.1f} m"
-                raise RoadError(msg, hint=gap if length[longest] > _UNEVEN * usual else _RECORDED)
+                raise RoadError(msg, hint=gap if length[longest] > _UNEVEN * usual else hint)
             msg = f"{where} goes {np.degrees(off[row]):.0f} degrees off its heading"
             raise RoadError(msg, hint=f"{_HINT}; it does not slip, and goes forwards")
         arcs = length / np.sinc(0.5 * turn / np.pi)
         t = np.append(0.0, np.cumsum(arcs))
         position = scipy.interpolate.CubicHermiteSpline(t, points, np.column_stack([np.cos(heading), np.sin(heading)]))
-        return cls(t, points, position, None if path.betas is None else path.betas[own], steering, named)
+        return cls(t, points, position, None if path.betas is None else path.betas[own], steering, named, hint)
 
     @property
     def length(self) -> float:
@@ -255,7 +265,7 @@ def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray
         worst = float(np.max(np.abs(kappa)))
         turns = f"it turns with up to {worst:.3f} 1/m, the {vehicle.name} with {vehicle.max_curvature:.3f}"
         msg = f"from s = {place:.1f} m on the path is too tight: {turns}"
-        raise PlanError(msg, s_m=place, hint=_RECORDED)
+        raise PlanError(msg, s_m=place, hint=curve.hint)
 
 
 def _poses(

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, running
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.fileio import read_json
 from hdvplan.road.columns import unread_note
 from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat, parse_crs
+from hdvplan.road.given import given_line
 from hdvplan.road.load import find_road
 from hdvplan.road.load_csv import read_columns
 from hdvplan.vehicle.model import Vehicle
 
 PLANE_HINT = "its x and y are in the plane of the road's path (`plane` in summary.json), as path.csv is; or give lon and lat"
+DENSE_M = 1.0  # points no further apart tell what lies between: any curve through them is the same to some centimetres
+_FILLED_M = 0.5  # between others, so that a bend begins within as much: at a radius of 18 m the front of a bus is then 3 cm off
+_TURNS = 5e-3  # points that turn by themselves by less are rounded [rad]: 1 cm at 3 m
+_REACH = 3  # chords beside others; further on, a spline has a fiftieth left of what such a point does to it
 _LINES = (".gpx", ".kml", ".geojson")  # files of lines in longitude and latitude; any other one is a table
 _OURS, _SUMMARY = ("path.csv", "loop_worst.csv"), "summary.json"  # what we write of a path, and what says in which plane
 _OF_LINE = {"s", "e_y", "e_psi", "kappa", "K"}  # what path.csv says of the road's line, which is asked again
@@ -28,9 +33,9 @@ _SHAPES = {"points": ("n", "2"), "heading": ("n",), "betas": ("n", "couplings"),
 class GivenPath:
     """Where the lead unit's rear axle is driven: points and headings, (n, 2) [m] and (n,) [rad], in the plane of the road's path.
 
-    ``heading`` is None where it is the direction of a spline through the points. ``betas`` (n, couplings) [rad], headings of units less
-    those of the units behind them, is what the path's author says of the trailers, of which only the first row is used; ``steering``
-    (n, active) [rad] the wheels that the vehicle steers by itself.
+    ``heading`` is None where it is the direction of a curve through the points, read as those of a road, or ``splined``. ``betas``
+    (n, couplings) [rad], headings of units less those of the units behind them, is what the path's author says of the trailers, of which
+    only the first row is used; ``steering`` (n, active) [rad] the wheels that the vehicle steers by itself.
 
     Raises:
         OptionError: arrays of other shapes, what is not a finite number, or angles of trailers or wheels beyond pi.
@@ -44,6 +49,7 @@ class GivenPath:
     name: str = ""  #: of its file
     notes: tuple[str, ...] = ()  #: on columns of its file that were not read
     names: tuple[str, ...] = ()  #: (n,) of its points, for messages
+    splined: bool = False  #: the curve through its points is their spline
 
     def __post_init__(self) -> None:
         """Refuse arrays that are no path."""
@@ -71,6 +77,37 @@ class GivenPath:
         """Return what messages call a point, by its number from 0."""
         x, y = self.points[row]
         return self.names[row] if self.names else f"its point {row + 1} ({x:.2f}, {y:.2f})"
+
+    @property
+    def spacing(self) -> FloatArray:
+        """How far apart its points are, (n - 1,) [m]."""
+        spacing: FloatArray = np.hypot(*np.diff(self.points, axis=0).T)
+        return spacing
+
+    @property
+    def otherwise(self) -> GivenPath:
+        """The path whose curve between the points is as good a guess: of the points alone, or their spline."""
+        return replace(self, heading=None, splined=self.heading is None and not self.splined)
+
+    def filled(self) -> GivenPath:
+        """Return the path with points between those further apart than ``DENSE_M`` [m], but for places where points turn by themselves."""
+        spacing, rows = self.spacing, np.arange(len(self.points), dtype=np.float64)
+        if self.heading is not None or self.splined or np.max(spacing, initial=0.0) <= DENSE_M:
+            return self
+        line = given_line(self.points, closed=False)
+        turn = np.diff(np.unwrap(np.arctan2(*np.diff(self.points, axis=0).T[::-1])), prepend=0.0, append=0.0)
+        alone = (np.interp(rows, line.number, line.sharp) > 0.0) & (np.abs(turn) > _TURNS)
+        near = running(np.maximum, alone.astype(float), _REACH - 1, _REACH)[:-1] > 0.0
+        pieces = np.where(near | (spacing <= DENSE_M), 1.0, np.ceil(spacing / _FILLED_M))
+        ends = np.append(0.0, np.cumsum(pieces))
+        number = np.interp(np.arange(ends[-1] + 1.0), ends, rows)
+
+        def between(values: FloatArray, at: FloatArray = rows) -> FloatArray:
+            return np.array([np.interp(number, at, column) for column in values.T]).reshape(-1, len(number)).T
+
+        betas, steering = (None if values is None else between(values) for values in (self.betas, self.steering))
+        names = tuple(self.named(int(row)) for row in number)
+        return replace(self, points=between(line.points, line.number), betas=betas, steering=steering, names=names)
 
 
 def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = None) -> GivenPath:

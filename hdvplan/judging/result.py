@@ -97,6 +97,7 @@ class Result:
     proof: Proof | None = None  #: that nothing keeps the limits; None if none was found or looked for
     attempts: tuple[Attempt, ...] = ()  #: every plan, if it was planned more than once; see ``hdvplan.replanned``
     path: str = ""  #: the file of a given path, where it is known
+    between: tuple[float, float] | None = None  #: of a given path's points how far apart they are, and how well that tells the room [m]
 
     def __repr__(self) -> str:
         """Return one line, for a notebook: all fields together have millions of signs."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from hdvplan.judging.balance import Breach
+import math
+
+from hdvplan.judging.balance import KEPT_M, Breach
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Result, body_name
 from hdvplan.road.regions import called, limit_called
@@ -32,6 +34,17 @@ def attempts_text(result: Result) -> str:
     least = min(attempt.lacking for attempt in result.attempts)
     answer = "it fits" if least == 0.0 else f"{least:.3f} m are lacking at best"
     return f"the first plan lacks {first.lacking:.3f} m; planned again with {', and with '.join(ways)}, {answer}: that is the plan here"
+
+
+def between_texts(result: Result, spare: float | None) -> list[str]:
+    """Return how well a given path's points tell what is swept, and whether that is worse than the room to ``spare`` [m]."""
+    apart, room = result.between or (0.0, 0.0)
+    if room <= KEPT_M:
+        return []
+    known = f"what is swept is known to within about {room:.2f} m" if math.isfinite(room) else "another curve through them is refused"
+    texts = [f"points are up to {apart:.1f} m apart: between them, {known}; give one every 0.5 to 1 m"]
+    decides = spare is not None and room > abs(spare)
+    return [*texts, "that is more than the room to spare or lacking: the answer may be the other one"] if decides else texts
 
 
 def breach_text(result: Result, breach: Breach) -> str:

@@ -15,6 +15,7 @@ from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.fit import finding_json
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Passed, Proof, Result, body_name
+from hdvplan.judging.sentences import between_texts
 from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of
 from hdvplan.road.regions import Side, called
 from hdvplan.road.road import Road, Smoothing
@@ -83,7 +84,7 @@ def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) 
         "corners": corners_of(drive.road),
         "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
         "notice": drive.road.notice,
-        "notes": list(drive.road.notes),
+        "notes": [*drive.road.notes, *between_texts(result, verdict.spare)],
         "version": __version__,
     }
 

@@ -1,0 +1,96 @@
+"""``hdvplan judge`` of points that are far apart: what lies between them, and how much hangs on it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hdvplan
+from hdvplan.answers import YES
+from hdvplan.arrays import FloatArray
+from hdvplan.driving.given import GivenPath
+from tests.cli.conftest import Cli
+
+_STRAIGHT_M = 45.0  # before a bend of 90 degrees, and after it
+_OFF_M = 0.035  # by which the room to spare may be wrong: a bend begins within half a metre
+
+
+def bend(radius: float, spacing: float, phase: float) -> FloatArray:
+    """Return points (n, 2) [m] on straight, arc and straight, exactly."""
+    arc = 0.5 * np.pi * radius
+    s = np.arange(phase * spacing, 2.0 * _STRAIGHT_M + arc, spacing)
+    turned, after = np.clip((s - _STRAIGHT_M) / radius, 0.0, 0.5 * np.pi), np.maximum(s - _STRAIGHT_M - arc, 0.0)
+    return np.column_stack([np.minimum(s, _STRAIGHT_M) + radius * np.sin(turned), radius * (1.0 - np.cos(turned)) + after])
+
+
+def road_of(radius: float) -> str:
+    """Write the road of such a bend."""
+    begin, end = _STRAIGHT_M, _STRAIGHT_M + 0.5 * np.pi * radius
+    rows = [(0.0, 0.0), (begin, 0.0), (begin + 1e-6, 1.0 / radius), (end, 1.0 / radius), (end + 1e-6, 0.0), (end + _STRAIGHT_M, 0.0)]
+    Path("bend.csv").write_text("s,kappa\n" + "\n".join(f"{s:.7f},{kappa:.9f}" for s, kappa in rows), encoding="utf-8")
+    return "bend.csv"
+
+
+@pytest.mark.parametrize("radius", [14.0, 18.0, 30.0])
+def test_the_room_of_sparse_points_is_that_of_dense_ones_to_what_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, radius: float
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    case = hdvplan.Case(hdvplan.load_road(road_of(radius)).with_limits(4.0, 4.0), hdvplan.load_vehicle("citaro"))
+    dense = hdvplan.judge(case, GivenPath(bend(radius, 0.1, 0.0)))
+    assert dense.between is None
+    for spacing in (2.0, 6.0, 0.5 * radius):  # the last: 29 degrees a point
+        for phase in (0.0, 0.35, 0.7):
+            points = bend(radius, spacing, phase)
+            found = hdvplan.judge(case, GivenPath(points))
+            assert found.between is not None
+            apart, known = found.between
+            off = abs(found.balance.min_clearance - dense.balance.min_clearance)  # type: ignore[operator] # there are limits
+            assert apart == pytest.approx(spacing, rel=0.02)  # chords
+            assert off < min(_OFF_M, known + 0.01)
+            assert known < 0.35 * spacing**2 / radius  # the sagitta of two chords is 0.5 of it
+
+
+def test_it_is_told_how_well_sparse_points_tell_the_room(cli: Cli) -> None:
+    arguments = (road_of(18.0), "--vehicle", "citaro", "--half-width", "3.17", "--no-plot", "--no-proof", "--out", "judged")
+    told = {}
+    for spacing in (0.5, 6.0):
+        np.savetxt("own.csv", bend(18.0, spacing, 0.35), delimiter=",", header="x,y", comments="")
+        told[spacing] = cli("judge", "own.csv", *arguments)
+        assert told[spacing].out.startswith(f"{YES}: 0.04 m")
+        assert ("points are up to 6.0 m apart: between them, what is swept is known to within about 0.1" in told[spacing].err) == (
+            spacing > 1.0
+        )
+        assert ("warning: that is more than the room to spare or lacking" in told[spacing].err) == (spacing > 1.0)
+    assert "give one every 0.5 to 1 m" in json.loads(Path("judged/summary.json").read_text(encoding="utf-8"))["notes"][-2]
+
+
+def test_of_a_straight_nothing_hangs_on_what_lies_between(tmp_path: Path) -> None:
+    file = tmp_path / "straight.csv"
+    file.write_text("s,kappa\n0,0\n200,0\n", encoding="utf-8")
+    road, vehicle = hdvplan.load_road(file), hdvplan.load_vehicle("bus")
+    x = np.linspace(0.0, 200.0, 21)
+    assert hdvplan.judge(hdvplan.Case(road, vehicle), GivenPath(np.column_stack([x, 0.0 * x]))).between == pytest.approx((10.0, 0.0))
+
+
+@pytest.mark.parametrize(("spacing", "hint"), [(2.0, "keep one every 5 to 10 m"), (9.0, "smooth it first, as by a moving mean")])
+def test_a_track_that_scatters_is_refused_with_its_turn_and_what_helps(cli: Cli, spacing: float, hint: str) -> None:
+    road = road_of(60.0)
+    points = bend(60.0, spacing, 0.0) + np.random.default_rng(1).normal(0.0, 0.25 * spacing, (len(bend(60.0, spacing, 0.0)), 2))
+    np.savetxt("own.csv", points, delimiter=",", header="x,y", comments="")
+    outcome = cli("judge", "own.csv", road, "--vehicle", "citaro")
+    assert outcome.code == 2
+    assert "turns too sharply for a curve through its points, by" in outcome.err
+    assert " degrees within " in outcome.err
+    assert hint in outcome.err
+
+
+def test_a_bend_near_full_lock_is_judged_and_it_is_told_that_a_spline_would_be_refused(cli: Cli) -> None:
+    radius = 1.02 / hdvplan.load_vehicle("citaro").max_curvature
+    np.savetxt("own.csv", bend(radius, 2.0, 0.35), delimiter=",", header="x,y", comments="")
+    outcome = cli("judge", "own.csv", road_of(radius), "--vehicle", "citaro", "--no-plot")
+    assert outcome.code == 0
+    assert "points are up to 2.0 m apart: between them, another curve through them is refused" in outcome.err
