@@ -179,18 +179,23 @@ def _draw_blocks(axes: Axes, answer: Answer, weight: float, turned: TurnOf) -> N
 
 
 def _draw_size(axes: Axes, answer: Answer, weight: float, turned: TurnOf) -> None:
-    """Draw the size of the site as a dimension near the view's upper or right edge."""
+    """Draw the size of the site, of a head each arm, as a dimension near the view's upper or right edge."""
     site, edges = answer.chosen.manoeuvre.site, np.array(view_of(answer).bounds[2:]) - _BESIDE_M
     ahead = unit(site.ends[0][1])
     across = int(np.argmin(np.abs(ahead)))  # 0: the size is measured along y
     to, *behind = (float(np.hypot(*wall.tips[0])) for wall in answer.walls)  # from the origin
-    ends = np.outer([-behind[0] if behind else -site.base, to], ahead)
+    marks, texts = [-behind[0] if behind else -site.base, to], [f"{answer.template.words} {answer.size:.2f} m"]
+    if answer.arms:
+        marks.insert(1, 0.0)
+        texts = [f"arm {length:.2f} m" for length in reversed(answer.arms)]
+    ends = np.outer(marks, ahead)
     ends[:, across] = edges[across]
     ends = turned(ends)
     arrow = {"arrowstyle": "<->", "color": INK, "linewidth": 0.7 * weight, "shrinkA": 0.0, "shrinkB": 0.0}
-    axes.annotate("", point(ends[0]), point(ends[1]), arrowprops=arrow, zorder=6)
     level = np.abs(ends[1] - ends[0]).argmax() == 0
-    axes.annotate(
-        f"{answer.template.words} {answer.size:.2f} m", point(ends.mean(axis=0)), ha="center", va="center", fontsize="small",
-        rotation=0.0 if level else 90.0, bbox=ON_WHITE, zorder=6,
-    )  # fmt: skip
+    for begin, end, text in zip(ends, ends[1:], texts, strict=False):
+        axes.annotate("", point(begin), point(end), arrowprops=arrow, zorder=6)
+        axes.annotate(
+            text, point(0.5 * (begin + end)), ha="center", va="center", fontsize="small",
+            rotation=0.0 if level else 90.0, bbox=ON_WHITE, zorder=6,
+        )  # fmt: skip

@@ -24,7 +24,7 @@ from hdvplan.report.paper import SheetOptions
 from hdvplan.report.turns import TURN_DRAWINGS
 from hdvplan.road.crs import LONLAT, placed
 from hdvplan.turning.reversing.answer import Answer
-from hdvplan.turning.reversing.words import closed_form, details, verdict
+from hdvplan.turning.reversing.words import arms_text, closed_form, details, verdict
 
 Json = dict[str, Any]
 
@@ -43,6 +43,8 @@ def reversal_json(answer: Answer) -> Json:
         "fits_with_m": chosen.manoeuvre.rounded,
         "options": {name: value for name, value in vars(answer.options).items() if value is not None},
         "ends_m": {name: float(far) for (name, _), far in zip(chosen.manoeuvre.site.ends, chosen.manoeuvre.reaches, strict=True)},
+        "arms_m": dict(zip(("left", "right"), answer.arms, strict=True)) if answer.arms else None,
+        "equal_arms_fit_with_m": answer.size_of_equal_arms if answer.arms else None,
         "least_room_m": float(room.min()),
         "over_kerbs_m": chosen.manoeuvre.over_kerbs,
         "tried": [
@@ -82,11 +84,12 @@ def reversal_tables(answer: Answer, directory: str) -> tuple[Table, ...]:
         )
         for leg in summary["legs"]
     ]  # fmt: skip
+    arms = f"arms: {arms_text(answer)}; " if answer.arms else ""
     columns = ("leg", "direction", "length [m]", "heading [deg]", "articulation [deg]", "least room [m]", "beside")
     legs = grid(
         f"{answer.vehicle.name}, {answer.template}, {answer.size:.2f} m of {answer.template.words}", columns, rows,
         text=("direction", "beside"),
-        caption=f"articulation: the largest of the leg; room: what the least {answer.template.words} leaves; written to {directory}",
+        caption=f"{arms}articulation: the largest of the leg; room: what the least {answer.template.words} leaves; written to {directory}",
     )  # fmt: skip
     return (legs,) if answer.template.docks else (legs, _tried_table(summary["tried"], answer.template.words))
 

@@ -9,12 +9,14 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.text import Annotation
 
 from hdvplan.errors import OptionError, TurnError
 from hdvplan.report.manoeuvre_layers import leg_area
-from hdvplan.report.reversals import reversal_json
+from hdvplan.report.manoeuvre_plots import reversal_figure
+from hdvplan.report.reversals import reversal_json, reversal_tables
 from hdvplan.turning.reversing.answer import Answer, reversing
-from hdvplan.turning.reversing.blocks import Block, Outline, bodies_of
+from hdvplan.turning.reversing.blocks import Block, Outline, bodies_of, wall
 from hdvplan.turning.reversing.half_turns import half_turn
 from hdvplan.turning.reversing.legs import driven, posed, wheels_at_stop
 from hdvplan.turning.reversing.options import SiteOptions, Template
@@ -178,6 +180,30 @@ def test_what_a_place_has_to_spare_lies_at_its_end() -> None:
     site = site_of(Template.SIDE_HEAD, SiteOptions(), refuse())
     (tip,) = site.closed(np.array([10.0]), site.base + 10.4)
     assert tip.tips[0] == pytest.approx((10.4, 0.0))
+
+
+@pytest.mark.slow
+def test_a_head_tells_its_arms_and_the_length_that_does_with_equal_ones() -> None:
+    """A head of 14 m was said to do whose road lay 2.6 m off its middle; one with equal arms would have been entered."""
+    found = reversing(refuse(), Template.HAMMERHEAD, SiteOptions(arm=25.0), starts=1, polish=False)
+    told, manoeuvre = reversal_json(found), found.chosen.manoeuvre
+    (left, right), equal = told["arms_m"].values(), told["equal_arms_fit_with_m"]
+    assert left + right == pytest.approx(25.0)
+    assert [tip.tips[0][0] for tip in found.walls] == pytest.approx([-left, right])
+
+    def room(half: float) -> float:
+        return float(manoeuvre.room((wall("left", np.pi, half), wall("right", 0.0, half))).min())
+
+    assert room(0.5 * equal) > -1e-6 > room(0.5 * equal - 0.03)
+    arms = f"{left:.2f} m left and {right:.2f} m right of the road's axis"
+    assert details(found).startswith(f"arms of {arms}; with equal arms this drive takes {equal:.2f} m; the best of ")
+    assert arms in str(reversal_tables(found, "")[0].caption)
+    (axes,) = reversal_figure(found).axes
+    words = [text.get_text() for text in axes.texts]
+    for length in (left, right):
+        arrow = axes.texts[words.index(f"arm {length:.2f} m") - 1]
+        assert isinstance(arrow, Annotation)
+        assert np.hypot(*np.subtract(arrow.xy, arrow.xyann)) == pytest.approx(length)
 
 
 def test_the_same_question_has_the_same_answer() -> None:

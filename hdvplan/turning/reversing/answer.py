@@ -116,6 +116,16 @@ class Answer:
         return self.chosen.manoeuvre.site.closed(self.chosen.manoeuvre.reaches, self.size)
 
     @property
+    def arms(self) -> tuple[float, ...]:
+        """How far the tips of that head lie from the road's axis, left and right; none of other sites [m]."""
+        return tuple(float(np.hypot(*tip.tips[0])) for tip in self.walls) if self.template is Template.HAMMERHEAD else ()
+
+    @property
+    def size_of_equal_arms(self) -> float:
+        """The length of a head with equal arms in which the manoeuvre fits, rounded up [m]."""
+        return replace(self.chosen.manoeuvre, size=2.0 * float(self.chosen.manoeuvre.reaches.max())).rounded
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """All blocks of that site, the walls at its ends last."""
         return (*self.chosen.manoeuvre.site.blocks, *self.walls)

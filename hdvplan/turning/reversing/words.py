@@ -35,13 +35,19 @@ def details(answer: Answer) -> str:
         formula_text = "" if formula is None else f", {formula:.2f} m by formula"
         out = f"out, it drives {straight_out(chosen):.2f} m straight to pass its neighbours, then turns at full lock{formula_text}"
         return f"{out}{_kept(answer)}; less may do where it swings out: nothing is proved impossible{_STANDING}"
+    arms = f"arms of {arms_text(answer)}; with equal arms this drive takes {answer.size_of_equal_arms:.2f} m; " if answer.arms else ""
     which = "which found" if len(sizes) == chosen.starts else f"{len(sizes)} of which found a way, in"
     over = chosen.manoeuvre.over_kerbs
     kerbs = f"; bodies reach {over:.2f} m over kerbs" if over >= _TOLD_M else ""
     spread = " to ".join(dict.fromkeys(f"{size:.2f}" for size in (sizes[0], sizes[-1])))
     found = f"the best of {chosen.starts} starts, {which} {spread} m"
     less = f", polished to {chosen.manoeuvre.size:.2f} m" if sizes[0] - chosen.manoeuvre.size >= _TOLD_M else ""
-    return f"{found}{less}; less may do: nothing is proved impossible{_kept(answer)}{kerbs}{_STANDING}"
+    return f"{arms}{found}{less}; less may do: nothing is proved impossible{_kept(answer)}{kerbs}{_STANDING}"
+
+
+def arms_text(answer: Answer) -> str:
+    """Return how long the arms of a head are, which may lie to one side of the road; "" of other sites."""
+    return "{:.2f} m left and {:.2f} m right of the road's axis".format(*answer.arms) if answer.arms else ""
 
 
 def _kept(answer: Answer) -> str:
