@@ -151,9 +151,8 @@ def _steering(drives: Sequence[Drive]) -> str:
 
 def steering_text(vehicle: Vehicle, curvature: float, angles: Sequence[float]) -> str:
     """Return the largest angles of the front wheels, off the middle of the first axle, by curvature [1/m], and of each coupling [rad]."""
-    wheels = (
-        f"at most {_degrees(np.arctan(vehicle.lead.wheelbase * curvature))}, {100.0 * curvature / vehicle.max_curvature:.0f} % of its range"
-    )
+    steered, lock = np.degrees(np.arctan(vehicle.lead.wheelbase * np.array([curvature, vehicle.max_curvature])))
+    wheels = f"at most {steered:.0f} of {lock:.0f} degrees"
     return f"{wheels}; articulation {' and '.join(_degrees(angle) for angle in angles)}" if angles else wheels
 
 
