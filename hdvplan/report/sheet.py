@@ -34,6 +34,8 @@ from hdvplan.version import __version__
 
 _LETTER, _BOLD = 0.56, 1.12  # mean width of a letter over the type's size, and what bold adds
 _SMALL, _TEXT, _VERDICT = 5.5, 7.0, 9.5  # of type [pt]
+_SHRUNK = tuple(np.arange(1.0, 0.5, -0.05))  # of these sizes, the first at which a title block has room for all
+_CUT = 3  # lines of each text, where not even the last has room
 _MARGIN_MM = 3.0
 _ONE_COLUMN = 3  # rows of a legend that fill one
 _KEY = 0.3  # of a legend's width, for the key plan
@@ -200,13 +202,15 @@ def _draw_title(axes: Axes, sheet: Sheet, options: SheetOptions, size_mm: Size) 
     width, height = size_mm
     axes.set_xlim(0.0, width)
     axes.set_ylim(0.0, height)
-    y, pitch = height - _MARGIN_MM, 1.25 * _TEXT * MM_PT
-    answer = answer_colour(fits=sheet.fits)
-    rows = [(name, _lines(value, width - 18.0, _TEXT, 3)) for name, value in sheet.rows]
-    head = _lines(sheet.verdict, width, _BOLD * _VERDICT, 3)
-    below = sum(len(lines) * pitch + 1.2 for _, lines in rows) + STAMP_MM * options.stamp_rows + _MARGIN_MM
-    left = int((y - 1.25 * _VERDICT * MM_PT * len(head) - below) / pitch)  # lines that the details have room for
-    for lines, size, weight in ((head, _VERDICT, "bold"), (_lines(sheet.details, width, _TEXT, max(3, left)), _TEXT, "normal")):
+    y, answer = height - _MARGIN_MM, answer_colour(fits=sheet.fits)
+    for share in _SHRUNK:
+        text, bold, most = share * _TEXT, share * _VERDICT, _CUT if share == _SHRUNK[-1] else None
+        head, details = _lines(sheet.verdict, width, _BOLD * bold, most), _lines(sheet.details, width, text, most)
+        rows, pitch = [(name, _lines(value, width - 18.0, text, most)) for name, value in sheet.rows], 1.25 * text * MM_PT
+        taken = 1.25 * bold * MM_PT * len(head) + pitch * (len(details) + sum(len(lines) for _, lines in rows)) + 1.0 + 1.2 * len(rows)
+        if taken <= y - _MARGIN_MM - STAMP_MM * options.stamp_rows:
+            break
+    for lines, size, weight in ((head, bold, "bold"), (details, text, "normal")):
         for line in lines:
             axes.text(_MARGIN_MM, y, line, fontsize=size, fontweight=weight, color=answer, va="top")
             y -= 1.25 * size * MM_PT
@@ -215,14 +219,15 @@ def _draw_title(axes: Axes, sheet: Sheet, options: SheetOptions, size_mm: Size) 
         axes.plot([0.0, width], [y + 0.7, y + 0.7], color=MUTED, linewidth=0.3)
         axes.text(_MARGIN_MM, y, name, fontsize=_SMALL, color=MUTED, va="top")
         for line in lines:
-            axes.text(_MARGIN_MM + 16.0, y, line, fontsize=_TEXT, va="top")
+            axes.text(_MARGIN_MM + 16.0, y, line, fontsize=text, va="top")
             y -= pitch
         y -= 1.2
     for number, (name, value) in enumerate(options.stamps):
         x, top = 0.5 * width * (number % 2), STAMP_MM * (options.stamp_rows - number // 2)
         axes.add_patch(Rectangle((x, top - STAMP_MM), 0.5 * width, STAMP_MM, fill=False, edgecolor=INK, linewidth=0.4))
-        for words, size, colour, below in ((name, _SMALL, MUTED, 1.0), (value, _TEXT + 1.0, INK, 3.7)):
-            axes.text(x + _MARGIN_MM, top - below, _lines(words, 0.5 * width, size, 1)[0], fontsize=size, color=colour, va="top")
+        for words, largest, colour, below in ((name, _SMALL, MUTED, 1.0), (value, _TEXT + 1.0, INK, 3.7)):
+            size = min(largest, (0.5 * width - 1.5 * _MARGIN_MM) / (_LETTER * MM_PT * max(1, len(words))))
+            axes.text(x + _MARGIN_MM, top - below, words, fontsize=size, color=colour, va="top")
 
 
 def _position(result: Result) -> str:
@@ -235,8 +240,8 @@ def _position(result: Result) -> str:
     return f"s = 0 at {x:.{digits}f}, {y:.{digits}f}: {system.note}"
 
 
-def _lines(text: str, width_mm: float, size: float, most: int) -> list[str]:
-    """Return a text in lines that are not wider than ``width_mm`` at a ``size`` of type [pt]; what is left is cut."""
+def _lines(text: str, width_mm: float, size: float, most: int | None) -> list[str]:
+    """Return a text in lines that are not wider than ``width_mm`` at a ``size`` of type [pt]; what ``most`` lines leave is cut."""
     letters = max(8, int((width_mm - _MARGIN_MM) / (_LETTER * size * MM_PT)))
     lines = wrap(text, letters, max_lines=most, placeholder=" ...")
     return lines or [""]

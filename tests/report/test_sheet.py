@@ -19,7 +19,7 @@ from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.report import sheet
-from hdvplan.report.paper import SCALES, Page, SheetOptions, pages_of
+from hdvplan.report.paper import MM_IN, PAPERS_MM, SCALES, STAMP_MM, Page, SheetOptions, layout, pages_of
 from hdvplan.report.sheet import sheet_bytes, steering_text
 from hdvplan.report.sheetmap import inset_scale, places_of
 from hdvplan.vehicle.load import load_vehicle
@@ -172,6 +172,36 @@ def test_no_text_lies_on_another_or_beyond_its_frame(
                 assert shared is not None
                 assert shared.width > box.width - 1.0, f"{text!r} is cut at the frame"
                 assert shared.height > box.height - 1.0, f"{text!r} is cut at the frame"
+
+
+@pytest.mark.parametrize("stamps", [0, 10])
+def test_nothing_in_a_title_block_is_cut_whatever_the_paper(monkeypatch: pytest.MonkeyPatch, straight: Result, stamps: int) -> None:
+    """On A4 the row of what the driver may err ended in dots."""
+    sheets: list[sheet.Sheet] = []
+
+    def kept(shown: sheet.Sheet, _: SheetOptions) -> Figure:
+        sheets.append(shown)
+        return Figure()
+
+    monkeypatch.setattr(sheet, "_figure", kept)
+    sheet_bytes(straight, SheetOptions("a4"), date="2026-11-22")
+    (drawn,) = sheets
+    assert "; decided at s = " in dict(drawn.rows)["driver"]
+    written = tuple((f"number {at}", "an office of consulting engineers and surveyors of the city") for at in range(stamps))
+    for paper in PAPERS_MM:
+        options, figure = SheetOptions(paper, None, written), Figure()
+        box = layout(options)[4]
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        figure.set_size_inches(box.width / MM_IN, box.height / MM_IN)
+        sheet._draw_title(axes, drawn, options, (box.width, box.height))
+        told = " ".join(text.get_text() for text in axes.texts)
+        for words in (drawn.verdict, drawn.details, *(value for _, value in drawn.rows), *(value for _, value in written)):
+            assert words in told
+        for text in axes.texts:
+            frame = text.get_window_extent().transformed(axes.transData.inverted())
+            stamp = text.get_position()[1] < STAMP_MM * options.stamp_rows
+            assert frame.x1 < box.width
+            assert frame.y0 > (0.0 if stamp else STAMP_MM * options.stamp_rows)
 
 
 def test_the_angle_of_the_front_wheels_stands_beside_their_largest_angle() -> None:
