@@ -20,6 +20,7 @@ from hdvplan.road.features import (
     Choice,
     Feature,
     Json,
+    Role,
     coordinates_of,
     flat,
     is_finite,
@@ -99,6 +100,8 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
     unread = () if routes else _unread_note(features, lines, chosen, name, choice, unit.metres)
+    if any(role_of(line.feature, choice) is Role.EDGE for line in chosen):
+        notes = (*notes, f"{name}: the line that is driven along is a kerb by its name or layer: is it the right one?")
     return replace(
         drawn[0],
         points=np.concatenate([one.points for one in drawn]),
@@ -158,6 +161,9 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
     if choice.layer is not None and choice.feature is None and all(line.feature.drawn for line in matching):
         return _Line(matching[0].feature, [part for line in matching for part in line.parts], directed=False)
     listed = _listed(matching or there)
+    if choice.feature is None and all(role_of(line.feature, choice) is Role.EDGE for line in there):
+        msg = f"{name}: {len(there)} lines, all of them kerbs by their names: {listed}"
+        raise RoadError(msg, hint="draw the line that is driven along, too, in a layer of its own")
     if choice.feature is None:
         msg = f"{name}: {len(matching)} lines, and none is chosen: {listed}"
         several = len({line.feature.layer for line in matching}) > 1

@@ -40,6 +40,7 @@ _BACK = -np.cos(np.deg2rad(30.0))  # cosine of a turn at a point that is a mista
 _STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
 _WIDEST_SIGMA_M = 10.0  # of the Gaussian that makes the first line; else as wide as the tightest radius
 _SETTLED_M = 0.01  # size of the offsets at which the base line is its own solution
+_SLOWEST = 1e-3  # of a line by the length of its chords; of a bend it is about 1
 _ENOUGH_ROUNDS = 10  # where both bounds leave next to no choice, the line may creep along; then keeping them will do
 _MAX_ROUNDS = 40
 _BOUND_SHARE = 0.995  # of both bounds goes into the program: between stations the line exceeds it by less than the rest
@@ -120,8 +121,7 @@ def _within(points: FloatArray, *, closed: bool, max_deviation: float, max_curva
         path = _finished(line)
         s, e = path.extended(_MARGIN_M, _MARGIN_M).project(data[:, 0], data[:, 1], s * (path.length / line.stations.length))
     except ProjectionError as error:
-        msg = f"the line turns back on itself near s = {error.s_m:.0f} m"
-        raise RoadError(msg, s_m=error.s_m, hint="remove the points that go back, or cut the road there") from error
+        raise _turned_back(error.s_m) from error
     s = np.maximum.accumulate(np.clip(s, 0.0, path.length))
     smoothing = _smoothing(path, s, e, shares(u), len(points), len(points) - len(kept))
     return SmoothedLine(path, smoothing, np.interp(chord, u, s)[vertex])
@@ -185,14 +185,20 @@ def _first_line(data: FloatArray, u: FloatArray, sigma: float, *, closed: bool) 
     return line, np.interp(u, uniform, s)
 
 
+def _turned_back(s: float) -> RoadError:
+    msg = f"the line turns back on itself near s = {s:.0f} m"
+    return RoadError(msg, s_m=s, hint="remove the points that go back, or cut the road there")
+
+
 def _resampled(points: FloatArray, spacing: float, *, closed: bool) -> tuple[_Line, FloatArray]:
     """Return the spline through ``points`` with stations at equal arclengths, and the arclengths of the points."""
     chord = chord_of(points)
     if not np.all(np.diff(chord) > _SETTLED_M):
-        at = float(chord[np.argmin(np.diff(chord))])
-        msg = f"the line turns back on itself near s = {at:.0f} m"
-        raise RoadError(msg, s_m=at, hint="remove the points that go back, or cut the road there")
+        raise _turned_back(float(chord[np.argmin(np.diff(chord))]))
     spline = spline_through(chord, points, closed=closed)
+    speed = np.hypot(*spline(chord, 1).T)  # by the chord's length: 0 where it goes straight back
+    if not np.all(speed > _SLOWEST):
+        raise _turned_back(float(chord[np.argmin(speed)]))
     parameters, s = equal_arclengths(spline, spacing)
     stations = spline(parameters)
     stations[-1] = stations[0] if closed else points[-1]

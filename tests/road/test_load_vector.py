@@ -213,6 +213,18 @@ def test_a_drawing_of_several_lines_lists_its_layers_and_the_options_that_choose
     assert "--role LAYER=edge" in (caught.value.hint or "")
 
 
+def test_a_kerb_is_no_line_to_drive_along_without_a_word(tmp_path: Path) -> None:
+    lines = [GRID_LINE, shapely.affinity.translate(GRID_LINE, 0.0, 6.0)]
+    drawing = write(tmp_path / "a.dxf", lines, crs=None, Layer=["KERB", "KERB"])
+    with pytest.raises(RoadError, match="2 lines, all of them kerbs by their names") as caught:
+        load_road(drawing)
+    assert "draw the line that is driven along" in (caught.value.hint or "")
+    alone = write(tmp_path / "c.dxf", lines[:1], crs=None, Layer=["KERB"])
+    assert any("is a kerb by its name or layer" in note for note in load_road(alone).notes)
+    named = write(tmp_path / "b.dxf", lines, crs=None, Layer=["AXIS", "KERB"])
+    assert not any("is a kerb" in note for note in load_road(named).notes)
+
+
 def test_the_pieces_of_a_drawing_s_layer_are_one_line_whichever_way_they_run(tmp_path: Path) -> None:
     pieces = [shapely.LineString(METRES[rows]) for rows in (slice(0, 3), slice(4, 1, -1), slice(4, None))]
     drawing = write(tmp_path / "a.dxf", pieces, crs=None, Layer=["AXIS"] * 3)
