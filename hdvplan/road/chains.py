@@ -28,7 +28,8 @@ class Bridge(NamedTuple):
         """Return what is told of it."""
         (x, y), (to_x, to_y) = self.ends
         begin, end = np.mod(self.s, path.length) if path.closed else self.s
-        apart = f"no edge on the {side} for {np.hypot(to_x - x, to_y - y):.1f} m from s = {begin:.1f} to {end:.1f} m"
+        where = f"from s = {begin:.1f} to {end:.1f} m" if abs(end - begin) > GAP_M else f"beside s = {begin:.1f} m"  # of a side street
+        apart = f"no edge on the {side} for {np.hypot(to_x - x, to_y - y):.1f} m {where}"
         return f"{apart}, x {x:.1f}, y {y:.1f} to x {to_x:.1f}, y {to_y:.1f}: it is straight there; if not so, draw it"
 
 

@@ -104,6 +104,15 @@ class Line:
         return float(self.raw.points[-1, 0] - self.raw.points[0, 0] if self.raw.is_profile else np.sum(np.hypot(*steps.T)))
 
 
+def noted_again(road: Road, raw: RawRoad) -> Road:
+    """Return the road, which is driven the other way than its line was drawn, with notes on edges as it is driven."""
+    return replace(road, notes=_notes(raw, road.name, drawn_kerbs(road.path, raw.edges)[2])) if raw.edges else road
+
+
+def _notes(raw: RawRoad, name: str, of_edges: tuple[str, ...]) -> tuple[str, ...]:
+    return (*raw.notes, *(f"{name}: {note}" for note in of_edges))
+
+
 def smoothed(line: Line, shortest: float = MIN_LENGTH_M) -> tuple[Road, FloatArray]:
     """Return the road of a line as it is drawn, and the arclengths of the line's points on it [m]; direction and offset are not applied.
 
@@ -140,8 +149,7 @@ def smoothed(line: Line, shortest: float = MIN_LENGTH_M) -> tuple[Road, FloatArr
             msg = f"{name}: the line has widths, and edges are drawn beside it"
             raise RoadError(msg, hint="keep one of the two: take the widths out of the file, or the edges")
         kerbs, bridges, more = drawn_kerbs(path, raw.edges)
-        notes = (*road.notes, *(f"{name}: {note}" for note in more))
-        return replace(road, notes=notes, bridges=tuple(bridge.ends for bridge in bridges)).with_kerbs(kerbs), s_points
+        return replace(road, notes=_notes(raw, name, more), bridges=tuple(bridge.ends for bridge in bridges)).with_kerbs(kerbs), s_points
     if raw.sides is not None:
         return road.with_kerbs(tuple(Kerb(side, s_points, left) for side, left in zip(raw.sides, (True, False), strict=True))), s_points
     return road.with_widths(_widths(s_points, raw.reaches)), s_points

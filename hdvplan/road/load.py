@@ -10,7 +10,7 @@ from pathlib import Path
 from hdvplan.errors import RoadError
 from hdvplan.road.checks import refuse_far, refuse_length, refuse_outliers, refuse_unreadable, text_of
 from hdvplan.road.features import Choice, refuse_unheeded, roles_of
-from hdvplan.road.line import LONG_M, Line, RawRoad, smoothed
+from hdvplan.road.line import LONG_M, Line, RawRoad, noted_again, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_json import json_object, read_geojson, read_overpass
 from hdvplan.road.load_vector import read_vector
@@ -60,6 +60,7 @@ class Found:
         road = self.make()
         if self.options.reverse:
             road = reversed_road(road)
+            road = road if self.line is None else noted_again(road, self.line.raw)
         return offset_road(road, self.options.offset) if self.options.offset else road
 
 

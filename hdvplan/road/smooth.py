@@ -185,7 +185,7 @@ def _first_line(data: FloatArray, u: FloatArray, sigma: float, *, closed: bool) 
     return line, np.interp(u, uniform, s)
 
 
-def _turned_back(s: float) -> RoadError:
+def _turned_back(s: float | None) -> RoadError:
     msg = f"the line turns back on itself near s = {s:.0f} m"
     return RoadError(msg, s_m=s, hint="remove the points that go back, or cut the road there")
 

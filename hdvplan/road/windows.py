@@ -18,7 +18,7 @@ from hdvplan.errors import RoadError
 from hdvplan.road.about import About
 from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.limits import Limits
-from hdvplan.road.line import Line, RawRoad, smoothed
+from hdvplan.road.line import Line, RawRoad, noted_again, smoothed
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import OPEN_M, Region
@@ -212,9 +212,9 @@ def _driven(piece: _Piece) -> tuple[Road, FloatArray, FloatArray]:
     along, total, options = piece.along, piece.total, piece.line.options
     try:
         road, s = smoothed(piece.line)
-        road = replace(road, notes=(*piece.line.raw.notes, *_placed(road.notes[len(piece.line.raw.notes) :], along)))
         if options.reverse:
-            road, s, along = reversed_road(road), (road.path.length - s)[::-1], (total - along)[::-1]
+            road, s, along = noted_again(reversed_road(road), piece.line.raw), (road.path.length - s)[::-1], (total - along)[::-1]
+        road = replace(road, notes=(*piece.line.raw.notes, *_placed(road.notes[len(piece.line.raw.notes) :], along)))
         if options.offset:
             fine = np.linspace(0.0, road.path.length, int(np.ceil(road.path.length / _HEADING_M)) + 1)
             heading = np.unwrap(road.path.at(fine).heading)

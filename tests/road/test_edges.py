@@ -11,6 +11,7 @@ import pytest
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.load import load_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import from_curvature
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import edge_reaches
@@ -75,3 +76,18 @@ def test_geojson_lines_that_are_called_edges_bound_the_line_that_is_not(tmp_path
     (tmp_path / "b.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features, "crs": crs}), encoding="utf-8")
     with pytest.raises(RoadError, match="has widths, and edges are drawn beside it"):
         load_road(tmp_path / "b.geojson")
+
+
+def test_notes_on_edges_are_of_the_way_that_is_driven(tmp_path: Path) -> None:
+    ends = {"way": (0.0, 100.0), "left": (4.0, 100.0), "right": (-4.0, 70.0)}
+    lines = {
+        name: {"type": "LineString", "coordinates": [[500000.0, 6400000.0 + y], [500000.0 + x, 6400000.0 + y]]}
+        for name, (y, x) in ends.items()
+    }
+    features = [{"type": "Feature", "properties": {"name": name}, "geometry": line} for name, line in lines.items()]
+    crs = {"type": "name", "properties": {"name": "EPSG:3006"}}
+    file = tmp_path / "street.geojson"
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features, "crs": crs}), encoding="utf-8")
+    (drawn,), (turned,) = (load_road(file, RoadOptions(feature="way", reverse=reverse)).notes for reverse in (False, True))
+    assert "no edge on the right from s = 70.0 to 100.0 m" in drawn
+    assert "no edge on the left from s = 0.0 to 30.0 m" in turned

@@ -386,7 +386,7 @@ def test_kerbs_of_a_side_street_are_joined_at_its_mouth_and_at_its_end_however_t
     assert np.all(np.diff(left.s) >= 0.0)
     assert shapely.hausdorff_distance(shapely.LineString(left.points), shapely.LineString([*stem, *near[::-1], *bar])) < 1e-9
     np.testing.assert_array_equal([bridge.ends for bridge in bridges], [[stem[1], near[1]], [near[0], bar[0]]])
-    assert [note.partition(" from")[0] for note in notes[:2]] == ["no edge on the left for 8.1 m", "no edge on the left for 7.0 m"]
+    assert [note.split(" m ")[0] for note in notes[:2]] == ["no edge on the left for 8.1", "no edge on the left for 7.0"]
 
 
 def test_a_kerb_goes_on_from_the_one_before_it_and_not_from_a_lay_by() -> None:
