@@ -25,6 +25,7 @@ _RUNNING = "Running"  # a group of options
 _MOST_WORKERS = 1000
 _RETRIES = 1
 _PLACES = 8  # of the ranking that are printed
+_REASONS = 3  # why cells have no answer, likewise
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def study(
     table.xlsx for spreadsheets, ranking.csv, straying.csv, map.html and study.json. Finished cells are kept: the same command resumes the
     study, and plans only the cells that are new, have changed, failed, hung or were killed.
 
-    Exit code 0: every cell has an answer, YES or NO. 1: some failed, hung or were killed. 2: bad input.
+    Exit code 0: every cell has an answer, YES or NO. 1: some were refused, failed, hung or were killed. 2: bad input.
     """
     running.check()
     from hdvplan.machine import use_one_thread
@@ -102,11 +103,12 @@ def study(
     wanted = read_study(file)
     from hdvplan.process import ended_by_signals
     from hdvplan.study import run
+    from hdvplan.study.engine import UNANSWERED
 
     engine = running.engine()
     counted = [0, len(wanted)]
     try:
-        with writing(f"to {out}"), ended_by_signals(), progress(f"planning {counted[1]} cells", quiet=quiet, undisturbed=True) as tell:
+        with writing(f"to {out}"), ended_by_signals(), progress(f"planning {_cells(counted[1])}", quiet=quiet, undisturbed=True) as tell:
 
             def on_progress(done: int, total: int) -> None:
                 counted[:] = done, total
@@ -123,18 +125,25 @@ def study(
         print_tables(*_ranking(results))
         print_line(f"written to {out}/")
     if results.unanswered:
-        report_error(
-            f"{results.unanswered} cells have no answer", "the column reason of cells.parquet says why; the same command tries them again"
-        )
+        report_error(f"{_cells(results.unanswered)} without an answer")
+        for (ending, reason), count in results.reasons(_REASONS).items():
+            note(f"{count} {ending}: {reason}")
+        again = any(ending in UNANSWERED for ending in results.outcomes)
+        tried = "; the same command tries again those that failed, hung or were killed" if again else ""
+        note(f"hint: the column reason of cells.parquet has every reason{tried}")
         return ExitCode.BROKEN
     return ExitCode.OK
+
+
+def _cells(count: int) -> str:
+    return "1 cell" if count == 1 else f"{count} cells"
 
 
 def _summary(results: Results, cells: int) -> str:
     """Return the study in a sentence."""
     words = [f"{count} {word}" for word in WORDS if (count := results.fits.get(word, 0))]
     words += [f"{count} {ending}" for ending, count in sorted(results.outcomes.items()) if ending != "planned"]
-    return f"{cells} cells: {', '.join(words)}"
+    return f"{_cells(cells)}: {', '.join(words)}"
 
 
 def _ranking(results: Results) -> list[Table]:

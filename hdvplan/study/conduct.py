@@ -15,7 +15,7 @@ from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, machine_facts, software
 from hdvplan.record import command, now
 from hdvplan.study.cells import Cell, cells_of
-from hdvplan.study.engine import PLANNED, UNANSWERED, Engine
+from hdvplan.study.engine import PLANNED, REFUSED, UNANSWERED, Engine
 from hdvplan.study.pools import LocalEngine
 from hdvplan.study.spec import Study, read_study, study_of
 from hdvplan.study.store import CELLS, PARTS, PLACES, DamagedPartError, Folder, Kept, Writer, kept_in, set_aside, write_whole
@@ -39,8 +39,20 @@ class Results:
 
     @property
     def unanswered(self) -> int:
-        """How many cells failed, hung or were killed, at their last attempt."""
-        return sum(self.outcomes.get(ending, 0) for ending in UNANSWERED)
+        """How many cells have no answer: refused, or failed, hung or killed at their last attempt."""
+        return sum(self.outcomes.get(ending, 0) for ending in (REFUSED, *UNANSWERED))
+
+    def reasons(self, most: int) -> Counter[tuple[str, str]]:
+        """Return why cells have no answer: the first ``most`` pairs of ending and reason, each with its number of cells."""
+        import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
+
+        found = Counter[tuple[str, str]]()
+        for batch in pq.ParquetFile(self.folder / CELLS).iter_batches(columns=["outcome", "reason"]):
+            for outcome, reason in zip(batch["outcome"].to_pylist(), batch["reason"].to_pylist(), strict=True):
+                why = outcome, str(reason)
+                if outcome in (REFUSED, *UNANSWERED) and (why in found or len(found) < most):
+                    found[why] += 1
+        return found
 
     def cells(self) -> pd.DataFrame:
         """Return one row a cell, in the study's order."""

@@ -55,7 +55,22 @@ def test_cells_without_an_answer_end_in_1(cli: Cli, study_file: Path) -> None:
     )
     outcome = cli("study", "study.toml", "--out", "out", "--workers", "1", "--retries", "0", "--quiet")
     assert (outcome.code, outcome.out) == (1, "")
-    assert outcome.err.splitlines()[0] == "error: 2 cells have no answer"
+    said = outcome.err.splitlines()
+    assert (said[0], len(said)) == ("error: 2 cells without an answer", 3)
+    assert said[1].startswith("2 killed: ")
+    assert said[2].endswith("the same command tries again those that failed, hung or were killed")
+
+
+def test_refused_cells_have_no_answer_and_say_why(cli: Cli, study_file: Path) -> None:
+    Path("negative.csv").write_text("x,y,left,right\n0,0,3,-3\n30,0,3,-3\n60,0,3,-3\n", encoding="utf-8")
+    study_file.write_text('roads = ["negative.csv"]\nvehicles = ["bus"]\n', encoding="utf-8")
+    for _ in range(2):  # the second plans nothing: it says the same
+        outcome = cli("study", "study.toml", "--out", "out", "--workers", "1")
+        assert (outcome.code, outcome.out) == (1, "1 cell: 1 refused\nwritten to out/\n")
+        error, reason, hint = outcome.err.splitlines()
+        assert error == "error: 1 cell without an answer"
+        assert reason.startswith("1 refused: ")
+        assert hint == "hint: the column reason of cells.parquet has every reason"
 
 
 @pytest.mark.parametrize(

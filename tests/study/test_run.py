@@ -202,7 +202,11 @@ def test_what_cannot_be_planned_is_a_row_with_its_reason(folder: Path, tiny: Ent
     assert not table.loc["tight", "fits"]
     (dead_end,) = results.places().to_dict("records")
     assert (dead_end["kind"], dead_end["s_m"]) == ("no plan", table.loc["tight", "s_m"])
-    assert results.unanswered == 0
+    assert results.unanswered == 2
+    assert list(results.reasons(1)) == [("refused", table.loc["short", "reason"])]
+    again = InHere()
+    _run(folder, tiny | {"roads": ["short.csv", "text.csv", "tight.csv"], "vehicles": ["bus"], "half_widths": [3.5]}, again)
+    assert not again.worked
 
 
 def test_cells_whose_file_changes_meanwhile_have_no_answer_until_it_is_the_same_again(folder: Path, tiny: Entries) -> None:
