@@ -25,7 +25,7 @@ from hdvplan.bench.comparing.work import SuiteWork, suite_entries, suite_text
 from hdvplan.bench.suite import Suite, read_suite, suite_of
 from hdvplan.cli.app import run
 from hdvplan.errors import MeasurementError, OptionError
-from tests.bench.conftest import Cli
+from tests.bench.conftest import Cli, git
 
 ROOT = Path(__file__).parents[2]
 
@@ -150,13 +150,29 @@ def test_outside_a_checkout_a_revision_is_refused_with_what_would_do(cli: Cli, s
     )
 
 
-def test_in_a_checkout_of_others_hdvplan_is_not_compared_with_itself(cli: Cli, tmp_path: Path) -> None:
-    for words in (["init", "-q"], ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "one"]):
-        subprocess.run(["git", *words], cwd=tmp_path, check=True)  # noqa: S603, S607 - our own
-    outcome = cli("bench", "--against", "HEAD", "--roads", "uturn")
+@pytest.mark.parametrize("own", [False, True])
+def test_in_a_checkout_of_others_hdvplan_is_not_compared_with_itself(cli: Cli, tmp_path: Path, short_road: str, *, own: bool) -> None:
+    git(tmp_path, "init", "--quiet")
+    git(tmp_path, "commit", "--quiet", "--allow-empty", "--message", "one")
+    outcome = cli("bench", "--against", "HEAD", "--roads", short_road if own else "uturn")  # both sides read the road that is here
     assert (outcome.code, outcome.out) == (2, "")
     assert "is measured: this would compare hdvplan with itself" in outcome.err
+    assert "hint: --against hdvplan==X " in outcome.err
     assert cli("bench", "--against", "", "--roads", "uturn").err.startswith("error: --against is empty\nhint: is the variable set")
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_revisions_of_hdvplan_are_compared_on_the_roads_that_are_here(
+    cli: Cli, tmp_path: Path, short_road: str, monkeypatch: pytest.MonkeyPatch, *, own: bool
+) -> None:
+    monkeypatch.setattr("hdvplan.bench.comparing.against._compared", lambda *_: Comparison((), (), GateVerdict.FINE, 10))
+    (tmp_path / "hdvplan").mkdir()
+    (tmp_path / "hdvplan" / "__init__.py").touch()
+    git(tmp_path, "init", "--quiet")
+    git(tmp_path, "commit", "--quiet", "--allow-empty", "--message", "one")
+    outcome = cli("bench", "--against", "HEAD", "--roads", short_road if own else "uturn")
+    assert outcome.code == 0
+    assert ("files of roads and vehicles are the working tree's on both sides\n" in outcome.err) == own
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell script stands in for an interpreter")

@@ -21,7 +21,7 @@ from hdvplan.bench.comparing.processes import Scratch, Started, Turns, in_turn, 
 from hdvplan.bench.comparing.programs import Home, Program, ProgramError, UnreachedError
 from hdvplan.bench.comparing.sides import COLD, COMPARISON, LOAD, MACHINE, read_side
 from hdvplan.bench.comparing.words import verdict_line
-from hdvplan.bench.comparing.work import ABOUT, CommandWork, SuiteWork, Work, placed, refuse_nothing, suite_entries, suite_text
+from hdvplan.bench.comparing.work import ABOUT, CommandWork, SuiteWork, Work, has_files, placed, refuse_nothing, suite_entries, suite_text
 from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
 from hdvplan.fileio import json_bytes, write_atomically
@@ -235,6 +235,8 @@ def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path
         named = base_named(against, here)
         if named.commit is not None and here is not None and isinstance(work, Suite):
             refuse_nothing(here, work)
+            if has_files(work):
+                listener.step("files of roads and vehicles are the working tree's on both sides")
         cache = cache_folder(scratch)
         out.mkdir(parents=True, exist_ok=True)
         with _alone_in(out):

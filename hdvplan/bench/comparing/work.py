@@ -214,6 +214,11 @@ def suite_text(entries: Mapping[str, object]) -> str:
     return "".join(lines).replace("\x7f", "\\u007f")
 
 
+def has_files(suite: Suite) -> bool:
+    """Return whether any road or vehicle of a suite is a file."""
+    return any(Path(entry).is_file() for name in _FILES for entry in getattr(suite, name))
+
+
 def placed(suite: Suite) -> Suite:
     """Return a suite whose road and vehicle files have absolute paths: both programs read the same, wherever they run."""
     changed = {
@@ -226,18 +231,21 @@ _FILES = ("roads", "vehicles")
 
 
 def refuse_nothing(here: Checkout, suite: Suite) -> None:
-    """Refuse a suite in which nothing differs between two revisions of a checkout: neither the program nor what it is given is from there.
+    """Refuse a suite in which nothing differs between two revisions of a checkout: roads and vehicles are the working tree's for both.
 
     Raises:
         OptionError: both sides would be the program that runs this.
 
     """
-    own = any(Path(entry).is_file() for name in _FILES for entry in getattr(suite, name))
-    own = own or any(is_reference(name) or name in offers(SOLVER) for name in suite.solvers)
+    own = any(is_reference(name) or name in offers(SOLVER) for name in suite.solvers)
     own = own or is_reference(suite.objective) or suite.objective in offers(OBJECTIVE)
     if not own and not here.is_ours and here.package is None:
         msg = f"nothing of {here.top} is measured: this would compare hdvplan with itself"
-        raise OptionError(msg, hint="--command 'python -m ours.bench' measures your own planner, --suite your solver, roads or vehicles")
+        hint = (
+            "--against hdvplan==X compares releases, --counters FILE.csv keeps results of your roads and vehicles, "
+            "--command 'python -m ours.bench' measures your own planner, --suite your solver"
+        )
+        raise OptionError(msg, hint=hint)
 
 
 def command_words(text: str) -> tuple[str, ...]:
