@@ -33,7 +33,7 @@ class RoadError(HdvplanError):
 
 
 class ProjectionError(RoadError):
-    """A point has no unique foot on the reference path: it lies beyond the centre of curvature."""
+    """A point has no unique foot on the reference path: it lies beyond the centre of curvature, or an end."""
 
     def __init__(self, message: str, *, s_m: float, offset_m: float) -> None:
         super().__init__(message, s_m=s_m)

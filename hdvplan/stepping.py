@@ -15,6 +15,7 @@ from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.workspace import USABLE_RESIDUAL
+from hdvplan.road.path import ReferencePath
 from hdvplan.solvers.registry import dependable
 
 
@@ -48,6 +49,11 @@ class Stepper:
     def s(self) -> float:
         """The arclength of the vehicle's lead rear axle [m]."""
         return float(self._stations.s[self.at])
+
+    @property
+    def path(self) -> ReferencePath:
+        """The road's path and its continuation beyond both ends, as far as the vehicle and its plans reach."""
+        return self._stations.path
 
     @property
     def done(self) -> bool:

@@ -35,6 +35,18 @@ def test_an_undisturbed_loop_drives_what_plan_drives(vehicle: str, half_width: f
     assert np.abs(np.array(states) - drive.z).max() < 1e-9  # plan keeps poses between stations, which only divides the steps
 
 
+def test_every_step_of_the_documented_loop_is_found_again_from_the_plane() -> None:
+    stepper = hdvplan.Stepper(case_of("bus", 3.0))
+    while not stepper.done:
+        count, plan = stepper.count, stepper.plan()
+        z = stepper.simulate(plan)[-1]
+        guess = stepper.s
+        stepper.arrive(z, plan.kappa[count - 1])
+        x, y = stepper.path.to_plane(stepper.s, z[0])
+        assert np.allclose(stepper.path.project(x, y, near=guess), (stepper.s, z[0]), rtol=0.0, atol=1e-9)
+    assert stepper.s > stepper.case.road.path.length  # the last station is the first beyond the end
+
+
 def test_a_plan_begins_where_the_vehicle_is_put() -> None:
     stepper = hdvplan.Stepper(case_of("bus", 3.5))
     first = stepper.plan()

@@ -20,6 +20,8 @@ from hdvplan.errors import ProjectionError, RoadError
 
 KNOT_SPACING_M = 0.5  # the quintic's position error is below 1e-9 m at a curvature of 0.2 1/m
 LAST_STEP_M = 2e-5  # a Newton step this small leaves errors of its square
+_LOCAL_M = 15.0  # of a search
+_ROUNDING_M = 1e-3  # that a foot may lie beyond an end
 _BLEND_M = 10.0  # an open road's curvature fades to zero over this length beyond its ends [m]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
@@ -95,21 +97,37 @@ class ReferencePath:
     def project(self, x: FloatArray | float, y: FloatArray | float, near: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Return arclength and signed lateral offset [m] of points, searching locally from the arclengths ``near``.
 
-        The search is local so that a road that crosses itself is no trap. Exact to 1e-9 m.
+        The search is local so that a road that crosses itself is no trap. Exact to 1e-9 m; within 1 mm beyond an end, the foot is the end.
 
         Raises:
-            ProjectionError: a point has no foot near by (it lies beyond the centre of curvature).
+            ProjectionError: a point has no foot near by: it lies beyond the centre of curvature, or an end of the table.
 
         """
         x, y, near = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float), np.asarray(near, float))
         s, offset = project_many(self, x.ravel(), y.ravel(), near.ravel())[:2]
-        if not np.all(np.isfinite(offset)):
-            at = int(np.argmin(np.isfinite(offset)))
-            start = float(np.clip(near.ravel()[at], self.s_first, self.s_last))
-            distance = float(np.hypot(x.ravel()[at] - self.at(start).x, y.ravel()[at] - self.at(start).y))
-            msg = f"a point {distance:.2f} m from the path has no foot near s = {start:.2f} m"
-            raise ProjectionError(msg, s_m=start, offset_m=distance)
+        lost = np.isnan(offset)
+        if np.any(lost):
+            s[lost], offset[lost] = self._at_an_end(x.ravel()[lost], y.ravel()[lost], near.ravel()[lost])
         return s.reshape(x.shape), offset.reshape(x.shape)
+
+    def _at_an_end(self, x: FloatArray, y: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return arclength and offset [m] of points that were not found, (n,), where an end is no further than rounding."""
+        near = np.clip(near, self.s_first, self.s_last)
+        longer = self.extended(_LOCAL_M - self.s_first, _LOCAL_M + self.s_last - self.length)
+        s, offset = project_many(longer, x, y, near)[:2]
+        kept = np.clip(s, self.s_first, self.s_last)
+        found = ~np.isnan(offset) & (np.abs(s - kept) <= _ROUNDING_M)
+        if not np.all(found):
+            at = int(np.argmin(found))
+            at_s, beyond, aside = float(kept[at]), float(s[at] - kept[at]), float(offset[at])
+            where = "before the beginning" if beyond < 0.0 else "beyond the end"
+            msg = f"a point lies {abs(beyond):.2f} m {where} of the path, at s = {at_s:.2f} m"
+            if np.isnan(aside):
+                at_s, point = float(near[at]), self.at(near[at])
+                aside = float(np.hypot(x[at] - point.x, y[at] - point.y))
+                msg = f"a point {aside:.2f} m from the path at s = {at_s:.2f} m has no foot near there"
+            raise ProjectionError(msg, s_m=at_s, offset_m=aside)
+        return kept, offset
 
     def to_plane(self, s: FloatArray | float, offset: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Return x, y [m] of the points at lateral ``offset`` [m] from the path's points at ``s`` [m]."""

@@ -128,6 +128,26 @@ def test_a_point_beyond_the_centre_of_curvature_has_no_foot() -> None:
     assert caught.value.offset_m == pytest.approx(np.hypot(10.0 * np.sin(0.5), 0.5 + 10.0 * np.cos(0.5)), abs=1e-9)
 
 
+@pytest.mark.parametrize("end", [0.0, 30.0])
+def test_a_foot_within_rounding_of_an_end_is_the_end(end: float) -> None:
+    path = arc(0.1, 30.0)
+    out = np.array([1.0, -1.0]) * (0.9e-3 if end else -0.9e-3)  # beyond, and inside
+    x, y = path.extended(1.0, 1.0).to_plane(end + out, 0.3)
+    s, offset = path.project(x, y, near=abs(end - 0.5))
+    np.testing.assert_allclose(s, [end, end - out[0]], atol=1e-9)
+    np.testing.assert_allclose(offset, 0.3, atol=1e-6)
+
+
+@pytest.mark.parametrize(("s", "words"), [(-0.2, "0.20 m before the beginning"), (30.4, "0.40 m beyond the end")])
+def test_a_point_off_an_end_is_refused_with_its_distance_from_the_end(s: float, words: str) -> None:
+    path = arc(0.1, 30.0)
+    x, y = path.extended(1.0, 1.0).to_plane(s, 0.3)
+    with pytest.raises(ProjectionError, match=f"a point lies {words} of the path, at s = ") as caught:
+        path.project(x, y, near=float(np.clip(s, 0.5, 29.5)))
+    assert caught.value.s_m == np.clip(s, 0.0, 30.0)
+    assert caught.value.offset_m == pytest.approx(0.3, abs=1e-6)
+
+
 def test_the_search_does_not_leave_its_neighbourhood() -> None:
     path = arc(0.1, 60.0)
     with pytest.raises(ProjectionError):
