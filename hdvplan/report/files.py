@@ -32,7 +32,7 @@ FILES = Together(
     {NAME: "software", "summary.json": "sqp_iterations_max"},
 )
 _COARSE = ("%.4f", "%.6f")  # of what only drawings need: metres, angles and curvatures
-_COARSE_M = 0.005  # likewise: lines leave out points that would move them by no more
+_COARSE_M = 0.001  # likewise: lines leave out points that would move them by no more
 _COUNTS = {"qps": "qp_count", "qp_iterations": "qp_iterations", "status": "status", "usable": "usable"}
 
 Table = dict[str, Column]
@@ -179,12 +179,12 @@ def regions_json(regions: Sequence[Region]) -> list[dict[str, object]]:
 
 
 def limits_json(result: Result) -> list[Json]:
-    """Return kerbs, and what was swept beyond them or in obstacles, as drawings show them, in path.csv's plane to 1 cm."""
+    """Return kerbs, and what was swept beyond them or in obstacles, as drawings show them, in path.csv's plane to 1 mm."""
     return [
         {
             "layer": str(drawn.layer),
             **{name: drawn.properties[name] for name in ("side", "binds", "bridged", "depth_m") if name in drawn.properties},
-            "lines": [np.round(line.coords, 2).tolist() for line in outlines_of(shapely.simplify(drawn.geometry, _COARSE_M))],
+            "lines": [np.round(line.coords, 3).tolist() for line in outlines_of(shapely.simplify(drawn.geometry, _COARSE_M))],
         }
         for drawn in limit_features(result)
     ]

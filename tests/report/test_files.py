@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import shutil
 from contextlib import suppress
 from io import BytesIO
@@ -8,16 +9,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import shapely
 from hypothesis import example, given
 from hypothesis import strategies as st
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.columns import Column, table_bytes
 from hdvplan.errors import OptionError
-from hdvplan.fileio import settle, write_atomically
+from hdvplan.fileio import json_bytes, settle, write_atomically
 from hdvplan.judging.result import Result
-from hdvplan.report.files import Table, drawn_bytes, envelope_table, path_table, profile_table, steps_table, write_plan
+from hdvplan.report.files import Table, drawn_bytes, envelope_table, limits_json, path_table, profile_table, steps_table, write_plan
 from hdvplan.report.planfiles import read_plan
 from hdvplan.road.load import load_road
 from hdvplan.vehicle.load import load_vehicle
@@ -36,6 +39,19 @@ def test_the_summary_is_there_last(bus: Result, tmp_path: Path, monkeypatch: pyt
     assert there[-1] == "summary.json"
     assert len(there) == 10  # and the folder that all are in before
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(there[1:])
+
+
+def test_limits_in_the_file_are_the_kerbs_that_are_judged_to_2_mm(bus: Result) -> None:
+    street = bus.drive.road.kerbs
+    assert street is not None
+    judged = shapely.MultiLineString([kerb.points for kerb in street.kerbs])
+    items = json.loads(json_bytes(limits_json(bus)))
+    written = shapely.MultiLineString([line for one in items if one["layer"] == "limits" for line in one["lines"]])
+
+    def along(lines: BaseGeometry, others: BaseGeometry) -> BaseGeometry:  # not what goes on beyond an end
+        return shapely.intersection(lines, shapely.buffer(others, 1.0, cap_style="flat"))
+
+    assert shapely.hausdorff_distance(along(written, judged), along(judged, written)) < 2e-3
 
 
 @pytest.fixture(scope="module")
