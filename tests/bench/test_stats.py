@@ -9,7 +9,7 @@ import pytest
 
 from hdvplan.bench.measuring.samples import Measurement
 from hdvplan.bench.measuring.stats import SOME_UNSOLVED, status_of, tables_of
-from hdvplan.bench.measuring.timing import accuracy, captions
+from hdvplan.bench.measuring.timing import accuracy, captions, summary_tables
 from hdvplan.bench.suite import Cell, Suite
 from hdvplan.bench.tables import FAILED, OVER_BUDGET
 from hdvplan.planning.settings import Scheme
@@ -118,6 +118,14 @@ def test_sqp_is_set_against_rti_by_mean_worst_case_and_envelope() -> None:
     assert row["mean_ratio"] == pytest.approx(0.16 / 0.02)
     assert row["max_ratio"] == pytest.approx(10.0)
     assert row["envelope_difference_m"] == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize("classes", [("as set",), ("inactive", "binding")])
+def test_the_schemes_in_the_terminal_name_the_class_of_limits_where_there_are_any(classes: tuple[str, ...]) -> None:
+    cells = [replace(cell(scheme), limits=limits) for limits in classes for scheme in (RTI, SQP)]
+    table = summary_tables(vars(tables_of(cells, [[made_up([9.0, 0.01, 0.03])]] * len(cells))))[-1]
+    columns = {str(column.header): list(map(str, column.cells)) for column in table.columns}
+    assert columns.get("limits", ["as set"]) == list(classes)
 
 
 def test_the_summary_pools_the_steps_of_all_roads() -> None:

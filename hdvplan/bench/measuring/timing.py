@@ -254,13 +254,12 @@ def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, 
         title = f"{group_words(*map(str, key))}: {one} [ms], all roads together"
         found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_TEXT, caption=caption))
     if len(schemes):
-        pooled = schemes.groupby(["vehicle", "solver", "limits"], sort=False, as_index=False).agg(
+        named = ["vehicle", "solver"] if (schemes[_ALWAYS] == AS_SET).all() else ["vehicle", "solver", _ALWAYS]
+        pooled = schemes.groupby(named, sort=False, as_index=False).agg(
             mean=("mean_ratio", "mean"), most=("max_ratio", "max"), differ=("envelope_difference_m", "max")
         )
-        rows = [
-            (str(row.vehicle), str(row.solver), f"{row.mean:.2f}", f"{row.most:.2f}", f"{row.differ:.1e}") for row in pooled.itertuples()
-        ]
-        columns = ("vehicle", "solver", "mean", "largest of max", "envelopes differ [m]")
+        rows = [(*key, f"{mean:.2f}", f"{most:.2f}", f"{differ:.1e}") for *key, mean, most, differ in pooled.itertuples(index=False)]
+        columns = (*named, "mean", "largest of max", "envelopes differ [m]")
         found.append(grid("SQP / RTI, every step with its fastest round", columns, rows, text=_TEXT))
     before = f"{found[-1].caption}\n" if found[-1].caption else ""
     fair = "" if tolerances or summary["solver"].nunique() < 2 else f"\n{_FAIR}"  # noqa: PLR2004 - nothing to compare
