@@ -121,7 +121,7 @@ def need(
         began = perf_counter()
         with progress(f"looking for the least room of {driven.name} on {track.name}", quiet=quiet) as on_progress:
             if held is None:
-                answer = need_of(case, prove=proof, on_progress=on_progress)
+                answer = replace(need_of(case, prove=proof, on_progress=on_progress), given=given)
             else:
                 other = "right" if held == "left" else "left"
                 edge = _held(track, held, getattr(room, held))

@@ -59,11 +59,20 @@ class Need:
     held: Least | None
     widenings: Widenings | None
     bound: Bound | None = None  #: room that is proved to be too little; None if nothing is proved or no proof was wanted
+    given: tuple[float, float] | None = None  #: reaches left and right [m] of limits that are none of the road's own
 
     def __repr__(self) -> str:
         """Return one line, for a notebook."""
         what = self.side or "half width"
         return f"<{type(self).__name__} of {self.case.vehicle.name} on {self.case.road.name}: {self.room.room:.2f} m {what}>"
+
+    @property
+    def asked(self) -> str:
+        """The limits that the vehicle fits within or not, in words."""
+        if self.given is None:
+            return "the road's own limits"
+        left, right = self.given
+        return f"{left:.2f} m to either side" if left == right else f"{left:.2f} m to the left and {right:.2f} m to the right"
 
     @property
     def fits(self) -> bool | None:

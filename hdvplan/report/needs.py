@@ -79,10 +79,10 @@ def _widening_line(need: Need, widenings: Widenings) -> str:
     vehicle, clearance = need.case.vehicle.name, need.case.settings.clearance
     kept, included = (f" with {clearance:.2f} m of clearance", ", clearance included") if clearance > 0.0 else ("", "")
     if widenings.fitting is not None:
-        return worded(YES, f"the {vehicle} fits within the road's own limits{kept}; {tracking_line(widenings.fitting)}")
+        return worded(YES, f"the {vehicle} fits within {need.asked}{kept}; {tracking_line(widenings.fitting)}")
     lacking = worded(NO, f"the {vehicle} does not fit{kept}")
     if widenings.area is None or widenings.depth is None:
-        return f"{lacking}, and no widening of the road's own limits was found that would do{_why(need.room)}"
+        return f"{lacking}, and no widening of {need.asked} was found that would do{_why(need.room)}"
     area, depth = widenings.area, widenings.depth
     least = f"widening the road by {_area_text(area.area)} would do, {area.depth:.2f} m at the deepest{included}"
     other = "" if area.area == depth.area else f", or {_area_text(depth.area)} nowhere deeper than {depth.depth:.2f} m"

@@ -47,6 +47,15 @@ def test_the_least_half_width_is_told_written_and_true(cli: Cli, tmp_path: Path,
     assert cli("plan", bend, "--vehicle", "bus", "--half-width", width, "--no-plot", "--quiet").code == 0
 
 
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [(("--half-width", "4"), "4.00 m to either side"), (("--left", "4", "--right", "3.5"), "4.00 m to the left and 3.50 m to the right")],
+)
+def test_limits_that_options_gave_are_not_called_the_road_s_own(cli: Cli, bend: str, limits: tuple[str, ...], words: str) -> None:
+    outcome = cli("need", bend, "--vehicle", "bus", *limits, "--no-plot")
+    assert outcome.out.startswith(f"YES: the bus fits within {words}; ")
+
+
 def test_json_is_all_that_stdout_gets(cli: Cli, bend: str) -> None:
     outcome = cli("need", bend, "--vehicle", "bus", "--fix", "left", "--left", "2", "--json", "--no-plot", "--no-proof")
     told = json.loads(outcome.out)
