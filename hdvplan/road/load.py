@@ -21,6 +21,7 @@ from hdvplan.texts import did_you_mean, printable
 
 _USUAL = RoadOptions()
 _OF_VECTORS = ("crs", "feature", "layer", "roles", "unit")  # options that say how to read a vector file
+_HEAD_BYTES = 4096  # of an XML file, in which its root begins
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text
 
 
@@ -172,6 +173,13 @@ def _of_lanes(path: Path, options: RoadOptions) -> RawRoad | None:
         if is_lanelet2(path):
             refuse_unheeded(f"{path.name}: a Lanelet2 map", options, *_OF_VECTORS, "lane")
             return read_lanelet2(path, road_ids=options.road_ids)
+    if path.suffix.lower() == ".xml":
+        with path.open("rb") as file:
+            if b"<commonRoad" in file.read(_HEAD_BYTES):
+                msg = f"{path.name} is a CommonRoad file, which is not read"
+                raise RoadError(
+                    msg, hint="convert it to OpenDRIVE or Lanelet2 with CommonRoad's own crdesigner (commonroad-scenario-designer)"
+                )
     if options.road_ids is not None or options.lane is not None:
         msg = f"{path.name} has no road ids and lanes to choose; OpenDRIVE files (.xodr) and Lanelet2 maps (.osm) have"
         raise RoadError(msg)

@@ -23,6 +23,15 @@ def test_the_25_shipped_roads_are_found_with_their_licence() -> None:
     assert (shipped()["goteborg_nya_allen"].parent / "ODbL-1.0.txt").is_file()
 
 
+@pytest.mark.parametrize("options", [RoadOptions(), RoadOptions(road_ids="1")])
+def test_commonroad_is_refused_with_the_way_to_what_is_read(tmp_path: Path, options: RoadOptions) -> None:
+    head = "<?xml version='1.0' encoding='UTF-8'?>\n<!-- a map -->\n"
+    (tmp_path / "cr.xml").write_text(f"{head}<commonRoad commonRoadVersion='2020a'></commonRoad>", encoding="utf-8")
+    with pytest.raises(RoadError, match=r"^cr\.xml is a CommonRoad file, which is not read") as caught:
+        load_road(tmp_path / "cr.xml", options)
+    assert "crdesigner" in str(caught.value.hint)
+
+
 def test_a_shipped_map_is_found_by_its_name() -> None:
     by_name, by_file = (load_road(one, RoadOptions(road_ids="0,5")) for one in ("neuweiler", shipped("opendrive")["neuweiler"]))
     assert by_name.name == "neuweiler"
