@@ -21,6 +21,7 @@ from hdvplan.proof.answer import proved
 from hdvplan.settings import of_kind
 from hdvplan.solvers.registry import SolverClass, SolverMaker, dependable, solver_named
 
+_GAP_M = 15.0  # between points of a path that turns there; of a recorded track one is kept every 5 to 10 m
 _CASE = "hdvplan.Case(road, vehicle) is one, of loaded roads and vehicles"
 
 
@@ -79,10 +80,12 @@ def given_result(case: Case, path: GivenPath, along: Followed) -> Result:
     result = replace(result_of(along.drive, solver=case.solver, objective=case.objective), path=path.name)
     if apart <= DENSE_M:
         return result
+    if np.max(path.unfilled(), initial=0.0) > _GAP_M:
+        return replace(result, between=(apart, np.inf))
     try:
         other = result_of(follow(case, path.otherwise).drive, solver=case.solver, objective=case.objective)
-    except (PlanError, RoadError):
-        return replace(result, between=(apart, np.inf))
+    except (PlanError, RoadError):  # too tight, often by little where the curve between the points is right
+        return replace(result, between=(apart, np.nan))
     rooms = np.array([[own.max_left, own.max_right, own.min_clearance] for own in (result.balance, other.balance)], dtype=float)
     return replace(result, between=(apart, float(np.max(np.ptp(np.nan_to_num(rooms, posinf=0.0), axis=0)))))  # of no limits, or none near
 

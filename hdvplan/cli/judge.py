@@ -58,7 +58,7 @@ def judge(
 
     The middle of the lead unit's rear axle follows PATH.csv exactly; its trailers are simulated. x and y are in the plane of the road's
     path, as in the path.csv of `hdvplan plan`, headings in radians, counter-clockwise from x. beta1 is the lead unit's heading less the
-    first trailer's. Columns in degrees are called heading_deg, beta1_deg. Of a planned path give a point every 0.5 to 3 m, of a
+    first trailer's. Columns in degrees are called heading_deg, beta1_deg. Of a planned path give a point every 0.5 to 1 m, of a
     recorded track one every 5 to 10 m: it scatters, and no answer is better than its error.
 
     Prints and writes what `hdvplan plan` does. Over each metre the path may turn more tightly than the vehicle by 1 % and 0.002 1/m, which

@@ -43,7 +43,8 @@ _UNEVEN = 5.0  # times as far apart as most points: a curve through both swings
 _THIN_M = 5.0  # points of a recorded track are as far apart, at least
 _RECORDED = "near points count to the millimetre: of a track that was recorded keep one every 5 to 10 m"
 _SCATTERED = (
-    "a recorded track scatters too much for this spacing: smooth it first, as by a moving mean; no answer is better than the track's error"
+    "give a planned path's points every 0.5 to 1 m; a recorded track scatters too much for this spacing: smooth it, as by a moving mean;"
+    " no answer is better than its error"
 )
 
 

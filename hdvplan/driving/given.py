@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.arrays import FloatArray, running
+from hdvplan.arrays import BoolArray, FloatArray, running
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.fileio import read_json
 from hdvplan.road.columns import unread_note
 from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat, parse_crs
-from hdvplan.road.given import given_line
+from hdvplan.road.given import GivenLine, given_line
 from hdvplan.road.load import find_road
 from hdvplan.road.load_csv import read_columns
 from hdvplan.vehicle.model import Vehicle
@@ -89,16 +89,16 @@ class GivenPath:
         """The path whose curve between the points is as good a guess: of the points alone, or their spline."""
         return replace(self, heading=None, splined=self.heading is None and not self.splined)
 
+    def unfilled(self) -> FloatArray:
+        """Return the lengths of the chords over which the curve is a spline, as a point near them turns by itself, (k,) [m]."""
+        return self.spacing[self._near(given_line(self.points, closed=False))] if self._is_read else np.zeros(0)
+
     def filled(self) -> GivenPath:
         """Return the path with points between those further apart than ``DENSE_M`` [m], but for places where points turn by themselves."""
-        spacing, rows = self.spacing, np.arange(len(self.points), dtype=np.float64)
-        if self.heading is not None or self.splined or np.max(spacing, initial=0.0) <= DENSE_M:
+        if not self._is_read:
             return self
-        line = given_line(self.points, closed=False)
-        turn = np.diff(np.unwrap(np.arctan2(*np.diff(self.points, axis=0).T[::-1])), prepend=0.0, append=0.0)
-        alone = (np.interp(rows, line.number, line.sharp) > 0.0) & (np.abs(turn) > _TURNS)
-        near = running(np.maximum, alone.astype(float), _REACH - 1, _REACH)[:-1] > 0.0
-        pieces = np.where(near | (spacing <= DENSE_M), 1.0, np.ceil(spacing / _FILLED_M))
+        spacing, rows, line = self.spacing, np.arange(len(self.points), dtype=np.float64), given_line(self.points, closed=False)
+        pieces = np.where(self._near(line) | (spacing <= DENSE_M), 1.0, np.ceil(spacing / _FILLED_M))
         ends = np.append(0.0, np.cumsum(pieces))
         number = np.interp(np.arange(ends[-1] + 1.0), ends, rows)
 
@@ -108,6 +108,18 @@ class GivenPath:
         betas, steering = (None if values is None else between(values) for values in (self.betas, self.steering))
         names = tuple(self.named(int(row)) for row in number)
         return replace(self, points=between(line.points, line.number), betas=betas, steering=steering, names=names)
+
+    @property
+    def _is_read(self) -> bool:
+        """Whether its curve is that of a road's points."""
+        return self.heading is None and not self.splined and bool(np.max(self.spacing, initial=0.0) > DENSE_M)
+
+    def _near(self, line: GivenLine) -> BoolArray:
+        """Tell which chords are near a point that turns by itself."""
+        turn = np.diff(np.unwrap(np.arctan2(*np.diff(self.points, axis=0).T[::-1])), prepend=0.0, append=0.0)
+        alone = (np.interp(np.arange(len(self.points)), line.number, line.sharp) > 0.0) & (np.abs(turn) > _TURNS)
+        near: BoolArray = running(np.maximum, alone.astype(float), _REACH - 1, _REACH)[:-1] > 0.0
+        return near
 
 
 def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = None) -> GivenPath:

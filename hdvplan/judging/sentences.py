@@ -41,10 +41,10 @@ def between_texts(result: Result, spare: float | None) -> list[str]:
     apart, room = result.between or (0.0, 0.0)
     if room <= KEPT_M:
         return []
-    known = f"what is swept is known to within about {room:.2f} m" if math.isfinite(room) else "another curve through them is refused"
-    texts = [f"points are up to {apart:.1f} m apart: between them, {known}; give one every 0.5 to 1 m"]
+    known = f"what is swept is known to within {room:.2f} m at best" if math.isfinite(room) else "nothing tells how well it is known"
+    texts = [f"points are up to {apart:.1f} m apart: between them, {known}; of a planned path give one every 0.5 to 1 m"]
     decides = spare is not None and room > abs(spare)
-    return [*texts, "that is more than the room to spare or lacking: the answer may be the other one"] if decides else texts
+    return [*texts, f"with points up to {apart:.1f} m apart the answer may be the other one"] if decides else texts
 
 
 def breach_text(result: Result, breach: Breach) -> str:

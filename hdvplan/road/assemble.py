@@ -100,7 +100,7 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
     unread = () if routes else _unread_note(features, lines, chosen, name, choice, unit.metres)
-    if any(role_of(line.feature, choice) is Role.EDGE for line in chosen):
+    if choice.feature is None and any(role_of(line.feature, choice) is Role.EDGE for line in chosen):
         notes = (*notes, f"{name}: the line that is driven along is a kerb by its name or layer: is it the right one?")
     return replace(
         drawn[0],
@@ -163,7 +163,7 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
     listed = _listed(matching or there)
     if choice.feature is None and all(role_of(line.feature, choice) is Role.EDGE for line in there):
         msg = f"{name}: {len(there)} lines, all of them kerbs by their names: {listed}"
-        raise RoadError(msg, hint="draw the line that is driven along, too, in a layer of its own")
+        raise RoadError(msg, hint="draw the line that is driven along, too, in a layer of its own; or choose one with --name or --id")
     if choice.feature is None:
         msg = f"{name}: {len(matching)} lines, and none is chosen: {listed}"
         several = len({line.feature.layer for line in matching}) > 1

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -122,6 +124,24 @@ def test_what_smoothing_did_is_told_at_its_new_place() -> None:
     place = turned.path.at(turned.smoothing.max_deviation_s)
     there = drawn.path.at(drawn.smoothing.max_deviation_s)
     assert np.hypot(place.x - there.x, place.y - there.y) == pytest.approx(1.0, abs=0.01)  # the offset
+
+
+def test_straights_over_gaps_of_kerbs_stay_where_they_are(tmp_path: Path) -> None:
+    lines = {"way": [[0, 0], [100, 0]], "left": [[0, 4], [40, 4]], "left edge": [[60, 4], [100, 4]], "right": [[0, -4], [100, -4]]}
+    features = [
+        {
+            "type": "Feature",
+            "properties": {"name": name},
+            "geometry": {"type": "LineString", "coordinates": [[500000.0 + x, 6400000.0 + y] for x, y in points]},
+        }
+        for name, points in lines.items()
+    ]
+    crs = {"type": "name", "properties": {"name": "EPSG:3006"}}
+    file = tmp_path / "gap.geojson"
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features, "crs": crs}), encoding="utf-8")
+    for options in (RoadOptions(feature="way"), RoadOptions(feature="way", reverse=True), RoadOptions(feature="way", offset=0.5)):
+        (bridge,) = load_road(file, options).bridges
+        assert sorted(bridge[:, 0]) == pytest.approx([500040.0, 500060.0], abs=0.1)
 
 
 def samples(path: ReferencePath) -> FloatArray:
