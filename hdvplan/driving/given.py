@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -91,14 +92,15 @@ class GivenPath:
 
     def unfilled(self) -> FloatArray:
         """Return the lengths of the chords over which the curve is a spline, as a point near them turns by itself, (k,) [m]."""
-        return self.spacing[self._near(given_line(self.points, closed=False))] if self._is_read else np.zeros(0)
+        return np.zeros(0) if self._read is None else self.spacing[self._read[1]]
 
     def filled(self) -> GivenPath:
         """Return the path with points between those further apart than ``DENSE_M`` [m], but for places where points turn by themselves."""
-        if not self._is_read:
+        if self._read is None:
             return self
-        spacing, rows, line = self.spacing, np.arange(len(self.points), dtype=np.float64), given_line(self.points, closed=False)
-        pieces = np.where(self._near(line) | (spacing <= DENSE_M), 1.0, np.ceil(spacing / _FILLED_M))
+        line, near = self._read
+        spacing, rows = self.spacing, np.arange(len(self.points), dtype=np.float64)
+        pieces = np.where(near | (spacing <= DENSE_M), 1.0, np.ceil(spacing / _FILLED_M))
         ends = np.append(0.0, np.cumsum(pieces))
         number = np.interp(np.arange(ends[-1] + 1.0), ends, rows)
 
@@ -109,17 +111,15 @@ class GivenPath:
         names = tuple(self.named(int(row)) for row in number)
         return replace(self, points=between(line.points, line.number), betas=betas, steering=steering, names=names)
 
-    @property
-    def _is_read(self) -> bool:
-        """Whether its curve is that of a road's points."""
-        return self.heading is None and not self.splined and bool(np.max(self.spacing, initial=0.0) > DENSE_M)
-
-    def _near(self, line: GivenLine) -> BoolArray:
-        """Tell which chords are near a point that turns by itself."""
+    @cached_property
+    def _read(self) -> tuple[GivenLine, BoolArray] | None:
+        """Its points as a road's are read, and which chords are near one that turns by itself; None where its curve is another."""
+        if self.heading is not None or self.splined or np.max(self.spacing, initial=0.0) <= DENSE_M:
+            return None
+        line = given_line(self.points, closed=False)
         turn = np.diff(np.unwrap(np.arctan2(*np.diff(self.points, axis=0).T[::-1])), prepend=0.0, append=0.0)
         alone = (np.interp(np.arange(len(self.points)), line.number, line.sharp) > 0.0) & (np.abs(turn) > _TURNS)
-        near: BoolArray = running(np.maximum, alone.astype(float), _REACH - 1, _REACH)[:-1] > 0.0
-        return near
+        return line, running(np.maximum, alone.astype(float), _REACH - 1, _REACH)[:-1] > 0.0
 
 
 def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = None) -> GivenPath:

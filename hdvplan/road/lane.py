@@ -32,8 +32,7 @@ def reversed_road(road: Road) -> Road:
         smoothing = replace(smoothing, max_deviation_s=deviation, max_curvature_s=curvature)
     about = None if road.about is None else road.about.reversed(length)
     drawn = None if road.drawn is None else tuple(kerb.reversed(length) for kerb in road.drawn)
-    there = replace(road, path=turned, smoothing=smoothing, about=about).within(limits, drawn)
-    return replace(there, bridges=road.bridges)
+    return replace(road, path=turned, smoothing=smoothing, about=about).within(limits, drawn, road.bridges)
 
 
 def offset_road(road: Road, offset: float) -> Road:
@@ -79,8 +78,7 @@ def offset_road(road: Road, offset: float) -> Road:
         about = replace(about, s=np.interp(about.s, s, along), offset=about.offset + offset, corners=corners)
     if drawn is not None:
         drawn = tuple(replace(kerb, s=carried(kerb.s, s, along)) for kerb in drawn)
-    aside = replace(road, path=moved, smoothing=smoothing, about=about).within(limits, drawn)
-    return replace(aside, bridges=road.bridges)
+    return replace(road, path=moved, smoothing=smoothing, about=about).within(limits, drawn, road.bridges)
 
 
 def _refuse_outside(limits: Limits, offset: float) -> None:

@@ -129,16 +129,16 @@ class Road:
             return self.faces
         return tuple(face for passage in self.passages for face in passage.faces[passage.usual])
 
-    def within(self, limits: Limits | None, drawn: tuple[Kerb, ...] | None = None) -> Road:
+    def within(self, limits: Limits | None, drawn: tuple[Kerb, ...] | None = None, bridges: tuple[FloatArray, ...] = ()) -> Road:
         """Return the road with ``limits`` beside its path, or without limits if that is None.
 
-        ``drawn`` are the kerbs themselves, where they do not follow from those.
+        ``drawn`` are the kerbs themselves, where they do not follow from those, and ``bridges`` the straights in them.
         """
-        return replace(self, limits=limits, drawn=drawn, bridges=(), faces=None)
+        return replace(self, limits=limits, drawn=drawn, bridges=bridges, faces=None)
 
     def with_kerbs(self, kerbs: tuple[Kerb, ...]) -> Road:
         """Return the road in a street that is drawn."""
-        return replace(self.within(limits_beside(self.path, kerbs), kerbs), bridges=self.bridges)
+        return self.within(limits_beside(self.path, kerbs), kerbs, self.bridges)
 
     def with_widths(self, widths: Limits | None) -> Road:
         """Return the road with limits that count from the line as it was given."""

@@ -46,8 +46,8 @@ def details(answer: Answer) -> str:
 
 
 def arms_text(answer: Answer) -> str:
-    """Return how long the arms of a head are, which may lie to one side of the road; "" of other sites."""
-    return "{:.2f} m left and {:.2f} m right of the road's axis".format(*answer.arms) if answer.arms else ""
+    """Return how long the arms of a head are, which may lie to one side of the road."""
+    return "{:.2f} m left and {:.2f} m right of the road's axis".format(*answer.arms)
 
 
 def _kept(answer: Answer) -> str:
