@@ -14,7 +14,7 @@ from hdvplan.errors import OptionError
 from hdvplan.texts import encoded, printable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from pandas import DataFrame
     from rich.table import Table
@@ -36,9 +36,11 @@ class ExitCode(IntEnum):
     UNREAD = 141  # nobody reads stdout any more, likewise (SIGPIPE)
 
 
-def report_error(message: str, hint: str | None = None) -> None:
-    """Write one ``error:`` line, and a ``hint:`` line where there is a next step, to stderr."""
+def report_error(message: str, hint: str | None = None, reasons: Iterable[str] = ()) -> None:
+    """Write one ``error:`` line, a line for each of ``reasons``, and a ``hint:`` line where there is a next step, to stderr."""
     sys.stderr.write(f"error: {printable(message)}\n")
+    for reason in reasons:
+        sys.stderr.write(f"{printable(reason)}\n")
     if hint:
         sys.stderr.write(f"hint: {printable(hint)}\n")
 

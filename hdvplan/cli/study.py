@@ -125,12 +125,12 @@ def study(
         print_tables(*_ranking(results))
         print_line(f"written to {out}/")
     if results.unanswered:
-        report_error(f"{_cells(results.unanswered)} without an answer")
-        for (ending, reason), count in results.reasons(_REASONS).items():
-            note(f"{count} {ending}: {reason}")
+        why = results.reasons()
+        told = [f"{count} {ending}: {reason}" for (ending, reason), count in why.most_common(_REASONS)]
+        told += [f"and {len(why) - _REASONS} other reasons"] if len(why) > _REASONS else []
         again = any(ending in UNANSWERED for ending in results.outcomes)
         tried = "; the same command tries again those that failed, hung or were killed" if again else ""
-        note(f"hint: the column reason of cells.parquet has every reason{tried}")
+        report_error(f"{_cells(results.unanswered)} without an answer", f"the column reason of cells.parquet has every reason{tried}", told)
         return ExitCode.BROKEN
     return ExitCode.OK
 

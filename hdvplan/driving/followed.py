@@ -118,7 +118,7 @@ class _Curve:
                 msg = f"{name} have {angles.shape[1]} columns, the {vehicle.name} {count}"
                 raise OptionError(msg)
         given, path = path, path.filled()
-        own: BoolArray = np.append(True, np.hypot(*np.diff(path.points, axis=0).T) > _APART_M)
+        own: BoolArray = np.append(True, np.hypot(*np.diff(path.points, axis=0).T) > _APART_M)[: len(path.points)]
         points, rows = path.points[own], np.flatnonzero(own)
 
         def named(number: int) -> str:

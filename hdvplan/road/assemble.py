@@ -19,11 +19,9 @@ from hdvplan.road.features import (
     Beside,
     Choice,
     Feature,
-    Json,
     Role,
     coordinates_of,
     flat,
-    is_finite,
     label_of,
     parts_of,
     role_of,
@@ -31,9 +29,8 @@ from hdvplan.road.features import (
 )
 from hdvplan.road.leg_lines import legs_among
 from hdvplan.road.line import RawLeg, RawRoad
-from hdvplan.road.options import Corners
+from hdvplan.road.properties import with_properties
 from hdvplan.road.regions import Region
-from hdvplan.settings import any_of
 from hdvplan.texts import printable, some_of
 
 _SNAP_M = 0.01
@@ -41,7 +38,6 @@ _LISTED = 20  # lines that a question names
 _UNREAD = 8  # layers that a note names
 _LONGEST = 100  # letters of each
 _MOST_PARTS = 5000  # of a line that are joined: a bus route has hundreds, and a country's network takes hours
-_WIDTHS = ("left_m", "right_m", "width_m")
 _METRES = Unit()
 
 
@@ -115,11 +111,7 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
 
 def _drawn(line: _Line, parts: list[FloatArray], name: str) -> RawRoad:
     """Return a line with what its own properties say; ``parts`` are its own in the plane."""
-    points, properties = _joined(parts, name, directed=line.directed), line.feature.properties
-    if len(parts) > 1:
-        _refuse_lists(properties, name)
-    reaches, notice = _reaches(properties, len(points), name), _notice(properties)
-    return RawRoad(points, reaches, notice=notice, corners=_corners(properties, name), corner_radius=_corner_radius(properties, name))
+    return with_properties(_joined(parts, name, directed=line.directed), line.feature.properties, name, parts=len(parts))
 
 
 def _lines(features: list[Feature], name: str) -> list[_Line]:
@@ -254,61 +246,3 @@ def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray
     listed = ", ".join(f"{gap:.2f} m" for gap in sorted(gaps)[: len(pieces) - 1][:10])
     msg = f"{name}: the line's {len(parts)} parts do not join to one; from an end to the next start there are gaps of {listed}"
     raise RoadError(msg, hint="join the parts, or turn the ones that run backwards" if directed else "join them, or choose one with --id")
-
-
-def _reaches(properties: Json, count: int, name: str) -> FloatArray | None:
-    given = [key for key in _WIDTHS if properties.get(key) is not None]
-    if not given:
-        return None
-    if set(given) not in ({"left_m", "right_m"}, {"width_m"}):
-        msg = f"{name}: properties {', '.join(given)} do not give the width: left_m with right_m, or width_m alone"
-        raise RoadError(msg)
-    columns = [_reach(properties[key], key, count, name) for key in given]
-    left, right = (0.5 * columns[0],) * 2 if given == ["width_m"] else columns
-    return np.stack([left, right, left, right])
-
-
-def _reach(value: Any, key: str, count: int, name: str) -> FloatArray:  # noqa: ANN401 - whatever a file says
-    """Return a width at each of ``count`` points [m]: one for all of them, or a list of as many."""
-    values = value if isinstance(value, list) else [value] * count
-    if len(values) != count:
-        msg = f"{name}: property {key} has {len(values)} values for a line of {count} points"
-        raise RoadError(msg, hint="give one width for the whole line, or one for each of its points")
-    bad = [one for one in values if not (is_finite(one) and one > 0.0)]
-    if bad:
-        msg = f"{name}: property {key} must be a positive number of metres, not {bad[0]!r}"
-        raise RoadError(msg)
-    return np.array(values, dtype=float)
-
-
-def _corners(properties: Json, name: str) -> str | None:
-    """Return how the points are to be read; None where the file does not say."""
-    value = properties.get("corners")
-    if value is not None and value not in list(Corners):
-        msg = f"{name}: property corners must be {any_of(list(Corners))}, not {value!r}"
-        raise RoadError(msg)
-    return value
-
-
-def _corner_radius(properties: Json, name: str) -> float:
-    """Return the radius of the kerbs inside corners [m]; 0 where the file does not say."""
-    value = properties.get("corner_radius_m", 0.0)
-    if not (is_finite(value) and value >= 0.0):
-        msg = f"{name}: property corner_radius_m must be a number of metres, not {value!r}"
-        raise RoadError(msg)
-    return float(value)
-
-
-def _refuse_lists(properties: Json, name: str) -> None:
-    """Refuse widths point by point of a line that is put together from several parts: whose points they are nobody says."""
-    listed = next((key for key in _WIDTHS if isinstance(properties.get(key), list)), None)
-    if listed is not None:
-        msg = f"{name}: property {listed} is a list, and the line has several parts"
-        raise RoadError(msg, hint="join the parts to one LineString")
-
-
-def _notice(properties: Json) -> str | None:
-    """Return the short attribution: its first sentence and the licence."""
-    attribution = str(properties.get("attribution") or "").split(". ")[0].rstrip(".")
-    licence = str(properties.get("licence") or properties.get("license") or "").replace("-", " ")
-    return printable(", ".join(part for part in (attribution, licence) if part)) or None

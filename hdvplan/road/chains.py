@@ -52,9 +52,11 @@ def chained(pieces: list[Kerb], path: ReferencePath) -> tuple[list[Kerb], list[B
         last, first, _ = chains[at]
         s = np.maximum.accumulate(np.concatenate([last.s, after.s]))
         if _apart(last, after) > GAP_M:
-            bridges.append(Bridge(np.stack([last.points[-1], after.points[0]]), (float(last.s[-1]), float(s[len(last.s)]))))
+            bridges.append(_bridge(last, after, float(s[len(last.s)])))
         chains[at] = (replace(last, points=np.concatenate([last.points, after.points]), s=s), first, end)
-    return _going_on([kerb for kerb, _, _ in chains], path), bridges
+    kerbs = _going_on([kerb for kerb, _, _ in chains], path)
+    around = [(kerb, float(kerb.s[0]) + path.length) for kerb in kerbs if path.closed and kerb.goes_on]
+    return kerbs, bridges + [_bridge(kerb, kerb, to) for kerb, to in around if kerb.s[-1] < to and _apart(kerb, kerb) > GAP_M]
 
 
 def _beside(piece: Kerb, path: ReferencePath) -> tuple[Kerb, float, float]:
@@ -65,6 +67,11 @@ def _beside(piece: Kerb, path: ReferencePath) -> tuple[Kerb, float, float]:
     here = path.extended(BEYOND_M, BEYOND_M).at(piece.s)
     nearest = float(piece.s[np.argmin(np.hypot(here.x - piece.points[:, 0], here.y - piece.points[:, 1]))])
     return piece, nearest, nearest
+
+
+def _bridge(before: Kerb, after: Kerb, to: float) -> Bridge:
+    """Return the straight from the end of a kerb to the beginning of another, which is at arclength ``to`` [m]."""
+    return Bridge(np.stack([before.points[-1], after.points[0]]), (float(before.s[-1]), to))
 
 
 def _apart(before: Kerb, after: Kerb) -> float:

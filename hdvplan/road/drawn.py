@@ -55,7 +55,8 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
         chains, between_them = chained(own, path)
         kerbs += [part for kerb in chains for part in within_lap(kerb, path)] or [kerb for kerb in open_place if kerb.left is left]
         bridges += between_them
-        notes += gaps([part for piece in own for part in within_lap(replace(piece, goes_on=False), path)], path.length, side)
+        if not path.closed or not own:  # around a closed road the ends of what is drawn are bridged as well
+            notes += gaps(own, path.length, side)
         notes += [bridge.note(side, path) for bridge in between_them]
     kerbs += [piece for piece in pieces if not piece.goes_on]
     return tuple(kerbs), tuple(bridges), (*notes, *dict.fromkeys(across))

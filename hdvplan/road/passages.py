@@ -269,9 +269,7 @@ def _room(polygon: shapely.Polygon, line: shapely.LineString, street: Street | N
 
 def _usual(low: float, high: float, rooms: Mapping[Side, float], *, on_line: bool) -> Side:
     """Return the side on which a polygon is passed: that on which the line lies, or the one with more room, or the shorter way."""
-    if not on_line:
-        return Side.RIGHT if high > -low else Side.LEFT
-    if rooms[Side.LEFT] != rooms[Side.RIGHT]:
+    if on_line and rooms[Side.LEFT] != rooms[Side.RIGHT]:
         return max(rooms, key=lambda side: rooms[side])
     return Side.RIGHT if high > -low else Side.LEFT
 

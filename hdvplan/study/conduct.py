@@ -42,16 +42,14 @@ class Results:
         """How many cells have no answer: refused, or failed, hung or killed at their last attempt."""
         return sum(self.outcomes.get(ending, 0) for ending in (REFUSED, *UNANSWERED))
 
-    def reasons(self, most: int) -> Counter[tuple[str, str]]:
-        """Return why cells have no answer: the first ``most`` pairs of ending and reason, each with its number of cells."""
+    def reasons(self) -> Counter[tuple[str, str]]:
+        """Return why cells have no answer: pairs of ending and reason, each with its number of cells."""
         import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
 
         found = Counter[tuple[str, str]]()
         for batch in pq.ParquetFile(self.folder / CELLS).iter_batches(columns=["outcome", "reason"]):
-            for outcome, reason in zip(batch["outcome"].to_pylist(), batch["reason"].to_pylist(), strict=True):
-                why = outcome, str(reason)
-                if outcome in (REFUSED, *UNANSWERED) and (why in found or len(found) < most):
-                    found[why] += 1
+            both = zip(batch["outcome"].to_pylist(), batch["reason"].to_pylist(), strict=True)
+            found.update((outcome, str(reason)) for outcome, reason in both if outcome in (REFUSED, *UNANSWERED))
         return found
 
     def cells(self) -> pd.DataFrame:

@@ -374,6 +374,16 @@ def test_over_a_gap_a_kerb_is_straight_and_it_is_told() -> None:
     assert notes == (f"no edge on the left for 10.0 m {where}: it is straight there; if not so, draw it",)
 
 
+@pytest.mark.parametrize(("begin", "end"), [(30.0, 105.0), (10.0, 85.0)])  # with the seam in what is drawn, or in the gap
+def test_a_gap_in_the_kerb_around_a_closed_road_is_bridged_and_told(begin: float, end: float) -> None:
+    path = ring(100.0 / (2.0 * np.pi))
+    drawn = np.stack(path.extended(0.0, 20.0).to_plane(np.arange(begin, end + 1.0), 3.0), axis=1)
+    around = np.stack(path.to_plane(np.linspace(0.0, 100.0, 101), -3.0), axis=1)
+    _, (bridge,), (note,) = drawn_kerbs(path, (drawn, around))
+    np.testing.assert_allclose(bridge.ends, [drawn[-1], drawn[0]], atol=1e-9)
+    assert f"from s = {end % 100.0:.1f} to {begin:.1f} m, " in note
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_kerbs_of_a_side_street_are_joined_at_its_mouth_and_at_its_end_however_they_are_drawn(turned: bool) -> None:
     """The wall went from one corner of the mouth to the far end of the arm, and nothing told it."""

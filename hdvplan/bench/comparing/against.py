@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import monotonic
@@ -24,7 +23,7 @@ from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.comparing.work import ABOUT, CommandWork, SuiteWork, Work, has_files, placed, refuse_nothing, suite_entries, suite_text
 from hdvplan.bench.suite import Suite
 from hdvplan.errors import MeasurementError, OptionError
-from hdvplan.fileio import json_bytes, write_atomically
+from hdvplan.fileio import json_bytes, locked, write_atomically
 from hdvplan.machine import load_average, machine_facts, machine_words
 from hdvplan.process import ended_by_signals
 from hdvplan.texts import encoded
@@ -239,7 +238,10 @@ def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path
                 listener.step("files of roads and vehicles are the working tree's on both sides")
         cache = cache_folder(scratch)
         out.mkdir(parents=True, exist_ok=True)
-        with _alone_in(out):
+        with locked(out, wait=False) as is_ours:
+            if not is_ours:
+                msg = f"another comparison measures into {out}"
+                raise OptionError(msg, hint="choose another folder with --out")
             for report in REPORTS:
                 (out / report).unlink(missing_ok=True)
             if isinstance(work, Suite):
@@ -249,32 +251,6 @@ def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path
                 lambda: new_program(here, scratch, cache, listener.step, out),
                 work, settings, out.absolute(), scratch, listener,
             )  # fmt: skip
-
-
-@contextmanager
-def _alone_in(out: Path) -> Iterator[None]:
-    """Keep a second comparison out of a folder, where the system has such locks; this one goes with the process and leaves no file.
-
-    Raises:
-        OptionError: another comparison measures into it.
-
-    """
-    try:
-        import fcntl  # noqa: PLC0415 - not on Windows
-    except ImportError:
-        yield
-        return
-    folder = os.open(out, os.O_RDONLY)
-    try:
-        with suppress(OSError):  # some network file systems have none
-            try:
-                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                msg = f"another comparison measures into {out}"
-                raise OptionError(msg, hint="choose another folder with --out") from error
-        yield
-    finally:
-        os.close(folder)
 
 
 def _compared(

@@ -27,7 +27,7 @@ from hdvplan.bench.comparing.sides import (
     cold_name,
     own_changes,
 )
-from hdvplan.bench.tables import LOST, OK
+from hdvplan.bench.tables import OK
 
 _GROUPS = 10  # of the rounds of a single process
 _BUSY = 0.8  # of the time of steps that is processor time, unless they wait
@@ -179,7 +179,7 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
     short = _short_names([change.cell for change in changes] + [entry.cell for entry in times])
     return Comparison(
         tuple(
-            replace(change, cell=short[change.cell], why=new.last_words.get(change.cell, "") if no_longer_planned(change) else "")
+            replace(change, cell=short[change.cell], why=new.last_words.get(change.cell, "") if change.is_lost else "")
             for change in changes
         ),
         tuple(replace(entry, cell=short[entry.cell]) for entry in times),
@@ -208,18 +208,8 @@ def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Co
     return Comparison((), (), verdict, 0, (), Failure(side, message, tail))
 
 
-def no_longer_planned(change: Change) -> bool:
-    """Tell whether a change is a cell that was planned to its end before, and is not now."""
-    return is_missing(change) or (change.counter == "status" and change.base == OK and change.new in LOST)
-
-
-def is_missing(change: Change) -> bool:
-    """Tell whether a change is a cell of the base that was not measured."""
-    return change.counter == "cell" and change.new == "missing"
-
-
 def _verdict(changes: Iterable[Change], times: Sequence[Entry], found: Iterable[Entry], *, expect_changes: bool) -> GateVerdict:
-    counted = any(no_longer_planned(change) or not expect_changes for change in changes)
+    counted = any(change.is_lost or not expect_changes for change in changes)
     doubts = [entry for entry in found if entry.verdict is GateVerdict.UNMEASURABLE and entry.decision.pairs < FEWEST]
     if counted or any(entry.is_worse for entry in (*times, *found)):
         return GateVerdict.REGRESSED

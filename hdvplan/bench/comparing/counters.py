@@ -13,7 +13,7 @@ from pandas.api.types import is_numeric_dtype
 
 from hdvplan.bench import ENVELOPE_M
 from hdvplan.bench.suite import KEY
-from hdvplan.bench.tables import OVER_BUDGET
+from hdvplan.bench.tables import LOST, OK, OVER_BUDGET
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, write_atomically
 
@@ -46,6 +46,16 @@ class Change:
     base: str
     new: str
     why: str = ""  # of a cell that is no longer planned: what its drive said last
+
+    @property
+    def is_missing(self) -> bool:
+        """Whether it is a cell of the base that was not measured."""
+        return self.counter == "cell" and self.new == "missing"
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it is a cell that was planned to its end before, and is not now."""
+        return self.is_missing or (self.counter == "status" and self.base == OK and self.new in LOST)
 
 
 def counters_of(samples: pd.DataFrame, timing: pd.DataFrame, envelope: pd.DataFrame) -> pd.DataFrame:

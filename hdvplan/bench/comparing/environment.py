@@ -23,6 +23,7 @@ from hdvplan.bench.comparing.checkout import Checkout, copy_tree, export, git
 from hdvplan.bench.comparing.processes import Scratch, remove, run
 from hdvplan.bench.comparing.programs import PYTHON, Program, ProgramError, environment, install, is_unreached, pip, present, reason
 from hdvplan.errors import OptionError
+from hdvplan.fileio import locked
 from hdvplan.process import is_closed, undisturbed
 
 PACKAGE = Path(__file__).parents[2]
@@ -203,8 +204,7 @@ def cache_folder(scratch: Scratch) -> Path:
 def _kept(cache: Path, key: str) -> Iterator[tuple[Path, bool]]:
     """Provide a folder of the cache and whether it is complete; one whose making fails or is interrupted goes. One user at a time."""
     folder = cache / key
-    with (cache / f"{key}.lock").open("w", encoding="utf-8") as lock:
-        _wait_for(lock.fileno())
+    with locked(cache / f"{key}.lock"):
         ready = (folder / _READY).is_file()
         if not ready:
             shutil.rmtree(folder, ignore_errors=True)
@@ -219,15 +219,6 @@ def _kept(cache: Path, key: str) -> Iterator[tuple[Path, bool]]:
     old = sorted(cache.glob(f"*/{_READY}"), key=lambda file: file.stat().st_mtime)[:-_KEPT]
     for file in old:
         shutil.rmtree(file.parent, ignore_errors=True)
-
-
-def _wait_for(lock: int) -> None:
-    """Wait until nobody else holds a lock, where the system has such; it goes with the process."""
-    try:
-        import fcntl  # noqa: PLC0415 - not on Windows
-    except ImportError:
-        return
-    fcntl.flock(lock, fcntl.LOCK_EX)
 
 
 def _dependencies(source: Path) -> str | None:

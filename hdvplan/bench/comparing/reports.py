@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from hdvplan.bench.comparing.compare import Comparison, Entry, no_longer_planned
+from hdvplan.bench.comparing.compare import Comparison, Entry
 from hdvplan.bench.comparing.counters import Change
 from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.words import ALL_CELLS, change_words, comparison_markdown, quantity_words, verdict_line, word_of
@@ -121,7 +121,7 @@ def _changed(comparison: Comparison) -> dict[tuple[str, ...], list[Change]]:
 
 def _counts(changes: Sequence[Change], comparison: Comparison) -> bool:
     """Tell whether the changed counters of a cell are a regression."""
-    return not comparison.expected or any(map(no_longer_planned, changes))
+    return not comparison.expected or any(change.is_lost for change in changes)
 
 
 def _changed_words(changes: Sequence[Change]) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from hdvplan.bench.comparing.compare import Comparison, Entry, is_missing, no_longer_planned
+from hdvplan.bench.comparing.compare import Comparison, Entry
 from hdvplan.bench.comparing.counters import IN_STEPS, Change
 from hdvplan.bench.comparing.decision import FEWEST, FEWEST_PAIRS, GateVerdict, Rule
 from hdvplan.bench.suite import KEY, cell_words
@@ -75,12 +75,12 @@ def _longest(entries: Sequence[Entry], cells: int, what: str) -> str:
 
 def _changed_parts(changes: Sequence[Change]) -> list[str]:
     """Return what a comparison's changes are, in words: lost plans, other work, other counters."""
-    gone = {change.cell for change in changes if is_missing(change)}
-    lost = len({change.cell for change in changes if no_longer_planned(change)} - gone)
+    gone = {change.cell for change in changes if change.is_missing}
+    lost = len({change.cell for change in changes if change.is_lost} - gone)
     why = next((f" ({change.why})" for change in changes if change.why), "")
     parts = [f"no plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
     parts += [f"{len(gone)} cell{_s(len(gone))} of the base {'was' if len(gone) == 1 else 'were'} not measured"] if gone else []
-    work = [change for change in changes if change.counter in _WORK and not no_longer_planned(change)]
+    work = [change for change in changes if change.counter in _WORK and not change.is_lost]
     others = len({change.cell for change in changes} - {change.cell for change in work} - {c.cell for c in changes if c.counter == "cell"})
     if work:
         first, count = work[0], len({change.cell for change in work})
@@ -143,7 +143,7 @@ def wrong_rows(comparison: Comparison) -> list[tuple[str, ...]]:
             cell = cell_words(entry.cell) if entry.decision.needed else ALL_CELLS
             rows.append(((1, entry.decision.ratio), (cell, f"{quantity_words(entry)} [{entry.quantity.unit}]", *_numbers(entry))))
     rows += [
-        ((2 if no_longer_planned(change) else 0, 0.0), (cell_words(change.cell), change.counter, change.base, change.new, "-"))
+        ((2 if change.is_lost else 0, 0.0), (cell_words(change.cell), change.counter, change.base, change.new, "-"))
         for change in comparison.changes
     ]
     ordered = [row for _, row in sorted(rows, key=lambda entry: (-entry[0][0], -entry[0][1]))]

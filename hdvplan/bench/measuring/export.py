@@ -45,7 +45,6 @@ from hdvplan.solvers.sparse import SparseQp
 
 _TOLERANCES = (1e-11, 1e-12, 1e-13, 1e-14, 1e-15, 1e-10)  # of the solutions, tried in this order until one is good to the first of them
 _REFINED = 8  # times a solution is solved for again
-LICENCE = "MIT; roads of OpenStreetMap: (c) its contributors, Open Database License 1.0"
 
 
 @dataclass(frozen=True)
@@ -92,10 +91,11 @@ def export(cases: Sequence[Case], directory: Path, form: str = "qpbenchmark", mo
         programs, early = record(case, most)
         found = [_Solved(f"{name}.{at:04d}", one, _exact(one.qp)) for at, one in enumerate(programs)]
         FORMATS[form](directory, name, found)
+        road = {"road": case.road.name, "notice": case.road.notice}
         settings = {"horizon_m": case.settings.horizon, "step_m": case.settings.step, "scheme": str(case.settings.scheme)}
-        entry = {"name": name, "road": case.road.name, "vehicle": case.vehicle.name, "ended": early} | settings
+        entry = {"name": name} | road | {"vehicle": case.vehicle.name, "ended": early} | settings
         sequences.append(entry | {"programs": [_listed(one, before) for before, one in zip([None, *found], found, strict=False)]})
-    manifest = {"format": form, "licence": LICENCE, "sequences": sequences}
+    manifest = {"format": form, "sequences": sequences}
     write_atomically(directory / "manifest.json", json_bytes(manifest))
     write_atomically(directory / "run.json", json_bytes(record_of(cases)))
     return sequences
