@@ -124,7 +124,7 @@ static double corner_gap(
     double room = sign * v - on->half_width, across = v + sign * on->half_width;
     if (room < -2.0 * on->half_width) { /* it lies beyond the other side: a plan is led back, if from behind it */
         int behind = is_behind(piece, in->pose->sin * across, -in->pose->cos * across);
-        int leads = in->look == HDV_TO_PLAN && !(piece->wall && piece->ends); /* the end of a wall leads nowhere */
+        int leads = !(piece->wall && piece->ends); /* the end of a wall leads nowhere */
         return leads && behind ? room : INFINITY;
     }
     if (in->look == HDV_TO_PLAN || room >= 0.0)
@@ -270,10 +270,9 @@ static void meet_block(
             meet(&in->street->pieces[block->numbers[i]], x, y, s, block->numbers[i], found);
 }
 
-/* The nearest place of a kerb to a corner of an outline: that of the nearest piece, which alone is looked at closely.
- * Where that has none, for it is not beside the corner, or what is nearest lies before it, all are. */
-static struct nearest nearest_of(const struct search *in, const struct outline *on, int64_t kerb, int corner) {
-    double s = in->axle + corner_u(on, corner), x = on->x[corner], y = on->y[corner];
+/* The nearest place of a kerb to a point at arclength s: that of the nearest piece, which alone is looked at closely.
+ * Where that has none, for it is not beside the point, or what is nearest lies before it, all are. */
+static struct nearest nearest_to(const struct search *in, int64_t kerb, double s, double x, double y) {
     double least[REMEMBERED], square[HDV_TOGETHER], of_all = INFINITY;
     struct nearest found = nothing;
     int64_t count = 0;
@@ -293,6 +292,11 @@ static struct nearest nearest_of(const struct search *in, const struct outline *
                 meet_block(in, &in->blocks[i], x, y, s, most, &found);
     }
     return found;
+}
+
+/* The same of a corner of an outline. */
+static struct nearest nearest_of(const struct search *in, const struct outline *on, int64_t kerb, int corner) {
+    return nearest_to(in, kerb, in->axle + corner_u(on, corner), on->x[corner], on->y[corner]);
 }
 
 /* The nearest place of a kerb without its walls across the street. */
@@ -319,6 +323,31 @@ place_of(const struct search *in, const struct outline *on, int64_t kerb, int co
     return at->gap > in->street->clearance ? nothing : aside_of(in, on, kerb, corner);
 }
 
+/* A protruding corner, u ahead of the axle and v left of the axis, that lies beyond the other side of an outline. What
+ * is deepest behind it lies as far from the pieces on either side, or is a corner of the outline. */
+static void meet_beyond(
+    const struct search *in, int64_t number, const struct outline *on, double u, double v, struct hdv_contacts *found
+) {
+    const struct hdv_piece *piece = &in->street->pieces[number];
+    const struct hdv_pose *pose = in->pose;
+    double left = piece->left ? on->half_width : -on->half_width;
+    double x = piece->sin + piece->before_sin, y = -piece->cos - piece->before_cos; /* away from the street */
+    double part = (left - v) / (y * pose->cos - x * pose->sin);
+    double ahead = u + part * (x * pose->cos + y * pose->sin);
+    if (!(part > 0.0 && ahead >= on->rear && ahead <= on->front))
+        return;
+    struct nearest at = nearest_to(
+        in, piece->kerb, in->axle + ahead, pose->x + ahead * pose->cos - left * pose->sin,
+        pose->y + ahead * pose->sin + left * pose->cos
+    );
+    double s = at.piece < 0 ? INFINITY : s_at(&in->street->pieces[at.piece], at.part);
+    if (s < in->last)
+        keep(
+            &found->at[piece->left ? 0 : 1][section_of(in->unit, ahead)],
+            (struct hdv_contact){at.gap, ahead, left, at.x, at.y, s, at.piece}
+        );
+}
+
 /* A piece's first corner, u ahead of the axle and v left of the axis, against the side of an outline: the gap grows as
  * that side moves away from it. */
 static void meet_side(
@@ -328,7 +357,12 @@ static void meet_side(
     if (!(piece->s_high >= in->low && piece->s_low <= in->high && piece->s_begin <= in->last) ||
         !begins_beside(piece, in->axle + on->rear, in->axle + on->front))
         return;
-    double sign = piece->left ? 1.0 : -1.0, gap = corner_gap(in, piece, on, u, v, sign);
+    double sign = piece->left ? 1.0 : -1.0;
+    if (in->look == HDV_TO_JUDGE && sign * v < -on->half_width) {
+        meet_beyond(in, number, on, u, v, found);
+        return;
+    }
+    double gap = corner_gap(in, piece, on, u, v, sign);
     struct hdv_contact *to = &found->at[piece->left ? 0 : 1][section_of(in->unit, u)];
     int first = gap == to->gap && number < to->piece; /* of equals, in whatever order they come */
     if (gap < to->gap || first) {

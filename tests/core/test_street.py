@@ -90,7 +90,7 @@ def test_planning_keeps_a_body_from_a_kerb_by_its_corners_on_that_side_and_the_k
     corners, line = outline(unit, standing(*pose)[0, 0]), shapely.LineString(longer(points))
     gaps = list(signed(line, beyond(points), corners[2:]))
     x, y, heading = pose
-    for place in protruding(longer(points), left=True) - [x, y]:
+    for place in protruding(longer(points), left=True)[0] - [x, y]:
         ahead, beside = place @ [np.cos(heading), np.sin(heading)], place @ [-np.sin(heading), np.cos(heading)]
         if -unit.rear_overhang <= ahead <= unit.front:
             gaps.append(beside - 0.5 * unit.width)
@@ -186,8 +186,8 @@ def test_inside_a_corner_of_a_wide_road_a_body_is_as_near_to_both_legs_as_it_is(
         for y in np.arange(0.0, half_width, 0.5):
             for heading in np.arange(-0.3, 1.0, 0.3):
                 one = standing(x, y, heading)
-                expected = deepest(outline(unit, one[0, 0]), legs, left=True, beyond=area, stands=corner[None])
-                if 0.0 < expected < 0.5:
+                expected = deepest(outline(unit, one[0, 0]), legs, left=True, beyond=area, stands=np.array([[corner], [(-1.0, 1.0)]]))
+                if expected < 0.5:
                     found = np.min(look(street, BUS, np.array([x]), one, TO_JUDGE)["at"]["gap"])
                     assert found == pytest.approx(expected, abs=NEAR), (x, y, heading)
 

@@ -85,20 +85,25 @@ def signed(line: shapely.LineString, beyond: shapely.Polygon, points: FloatArray
 
 
 def protruding(points: FloatArray, *, left: bool) -> FloatArray:
-    """Return the inner points of a kerb that stand into its street: there it turns away from the street."""
+    """Return the inner points of a kerb that stand into its street, there it turns away from it, and where their bisectors lead: (2, n, 2)."""
     one, other = points[1:-1] - points[:-2], points[2:] - points[1:-1]
     turn = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    return points[1:-1][turn > 0.0 if left else turn < 0.0]
+    ways = one / np.hypot(*one.T)[:, None] + other / np.hypot(*other.T)[:, None]
+    behind = (1.0 if left else -1.0) * ways[:, ::-1] * [-1.0, 1.0]
+    return np.stack([points[1:-1], behind])[:, turn > 0.0 if left else turn < 0.0]
 
 
 def deepest(corners: FloatArray, points: FloatArray, *, left: bool, beyond: shapely.Polygon, stands: FloatArray) -> float:
-    """Return the gap between a body's outline and a kerb: of its corners, and of the kerb's protruding points beside or inside it."""
+    """Return the gap between a body's outline and a kerb: of its corners, and of the kerb's protruding points beside or inside it.
+
+    ``stands`` are these, and where their bisectors lead: what is deepest behind one that a body has left behind it lies there.
+    """
     line = shapely.LineString(points)
     gaps: list[float] = list(signed(line, beyond, corners))
     sides = [shapely.LineString(corners[[0, 1]]), shapely.LineString(corners[[2, 3]])]  # right and left
     ends = shapely.MultiLineString([corners[[1, 2]], corners[[3, 0]]])
     body, axis = shapely.Polygon(corners), corners[1] - corners[0]
-    for place in stands:
+    for place, way in zip(*stands, strict=True):
         share = (place - corners[0]) @ axis / (axis @ axis)
         if 0.0 <= share <= 1.0:
             at = shapely.Point(place)
@@ -107,6 +112,8 @@ def deepest(corners: FloatArray, points: FloatArray, *, left: bool, beyond: shap
                 gaps.append(-min(apart, shapely.distance(ends, at)))
             elif apart < shapely.distance(sides[not left], at):
                 gaps.append(apart)
+            elif shapely.intersects(bisector := shapely.LineString([place, place + 1e3 * way]), sides[left]):
+                gaps += list(signed(line, beyond, shapely.get_coordinates(shapely.intersection(bisector, sides[left]))))
     return min(gaps)
 
 
