@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 LEAD, LAST = "lead-axle", "last-axle"  # whose line a backward leg is
 _ENDS = "articulation at its end [deg]"
 _ASKEW_DEG = 2.0  # of the place where a vehicle is parked
+_FINEST_M = 0.01  # smoothing that is advised
 
 
 def legs_in(line: Line, vehicle: Vehicle, reaches: tuple[float, float] | None, *, last_axle: bool, quiet: bool) -> Legs:
@@ -73,10 +74,12 @@ def finish(driven: LegsResult, directory: Path, kinds: Collection[str], output: 
     for at, result in enumerate(driven.results):
         for text in solver_texts(result):
             warn(f"{driven.called(at)}: {text}", quiet=quiet)
-    askew = abs(degrees(driven.legs.legs[-1].turned[1]))
-    if askew > _ASKEW_DEG:
-        text = f"smoothing turned the end of the last leg by {askew:.1f} degrees: --smooth 0.1 or less keeps nearer to the drawn legs"
-        warn(text, quiet=quiet)
+    last = driven.legs.legs[-1]
+    askew = abs(degrees(last.turned[1]))
+    if askew > _ASKEW_DEG and last.road.smoothing is not None:
+        nearer = 0.5 * last.road.smoothing.max_deviation
+        keeps = f": --smooth {nearer:.2g} keeps nearer to the drawn legs" if nearer >= _FINEST_M else ""
+        warn(f"smoothing turned the end of the last leg by {askew:.1f} degrees{keeps}", quiet=quiet)
     if not as_json and not quiet:
         _print_legs(summary, directory)
     if driven.past:  # the plan is not the first one, along the drawn lines

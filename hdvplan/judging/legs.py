@@ -14,6 +14,7 @@ from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import placed, united
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import Verdict, short_verdict, verdict_details, verdict_line, verdict_of
+from hdvplan.road.arcs import wrapped
 from hdvplan.road.legs import Leg, Legs
 from hdvplan.vehicle.kinematics import critical_angles
 
@@ -135,9 +136,18 @@ class LegsResult:
         return ends_of(self.results[at].drive, self.legs.legs[at])
 
     def off_line(self, at: int) -> tuple[float, float]:
-        """Return how far off a leg's line the lead rear axle stands where the leg ends, and is turned, left positive [m, rad]."""
-        across, turned = self.results[at].drive.z[0 if self.legs.legs[at].backward else -1, :2]
-        return float(across), float(turned)
+        """Return how far off a leg's line the lead rear axle stands where the leg ends, and is turned, left positive [m, rad].
+
+        Of a line of the last axle it is that one, how far off the end of the line as drawn, in any direction.
+        """
+        leg, drive = self.legs.legs[at], self.results[at].drive
+        if leg.last_axle is None:
+            across, turned = drive.z[0 if leg.backward else -1, :2]
+            return float(across), float(turned)
+        x, y, heading = leg.last_axle
+        last = placed(drive, np.array([np.argmin(np.abs(drive.poses_s - leg.ends[1]))]))[0, -1]
+        turned = np.arctan2(last["sin"], last["cos"]) - heading
+        return float(np.hypot(last["x"] - x, last["y"] - y)), float(wrapped(turned))
 
     def _rank(self, at: int) -> tuple[bool, bool, float]:
         verdict = self.verdicts[at]

@@ -30,6 +30,7 @@ class Leg:
 
     road: Road
     backward: bool
+    last_axle: tuple[float, float, float] | None = None  #: where its line ends if that was drawn, x and y [m], heading [rad]
 
     @property
     def direction(self) -> str:

@@ -7,6 +7,7 @@ leg's line is passed on one side of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +26,8 @@ from hdvplan.road.regions import OPEN_M, Kind, Region, polygons_of, refuse_elsew
 LeadLine = Callable[[FloatArray, RoadOptions], FloatArray]  # of the line of the last axle (n, 2) [m], as the vehicle heads
 
 LEAD_GAP_M = 1.0  # between the end of a leg and where a line of the last axle leads the first one: such lines are a hint
+_NEAR_M = (0.1, 0.5)  # to which the last axle's lines are smoothed, if they can be
+_SMOOTHED_FIRST = f"the last axle's lines are smoothed first: without --smooth, or with {_NEAR_M[0]:g}, they may lead there"
 _EDGE = "edge"  # what one without a name is called
 _WALL_M = 0.05  # as thick is an edge that parts nothing, on its side away from the lines
 _CUT_M = 1e-3  # half the width of the gap in a wall across a line's continuation: no body passes it
@@ -49,29 +52,43 @@ def legs_of(line: Line, lead_line: LeadLine | None = None) -> Legs:
     if given is not None:
         msg = f"{line.name}: a drive of several legs has no use for {given}"
         raise RoadError(msg, hint=f"leave {given} out")
-    legs = tuple(_leg(line, number, one, lead_line) for number, one in enumerate(raw.legs, start=1))
-    try:
-        legs, notes = joined(legs, SAME_M if lead_line is None else LEAD_GAP_M)
-    except RoadError as error:
-        raise _of(line.name, error) from error
+    legs, notes = _met(line, lead_line)
     refuse_elsewhere(raw.regions, legs[0].road.path)
     regions = (*raw.regions, *_beyond_edges(raw, legs, line.name))
     return Legs(line.name, tuple(within(leg, regions) for leg in legs), (*raw.notes, *(f"{line.name}: {note}" for note in notes)), regions)
 
 
+def _met(line: Line, lead_line: LeadLine | None) -> tuple[tuple[Leg, ...], tuple[str, ...]]:
+    """Return all legs in their widths alone, and notes on how they were moved to meet.
+
+    A last axle's line leads the lead axle to where it is drawn only if it is hardly smoothed: that is tried first where nobody says more.
+    """
+    if lead_line is not None and line.options.smooth is None:
+        for smooth in _NEAR_M:
+            with suppress(RoadError):
+                return _met(replace(line, options=replace(line.options, smooth=smooth)), lead_line)
+    legs = tuple(_leg(line, number, one, lead_line) for number, one in enumerate(line.raw.legs, start=1))
+    try:
+        return joined(legs, SAME_M if lead_line is None else LEAD_GAP_M)
+    except RoadError as error:
+        raise _of(line.name, error if lead_line is None else RoadError(str(error), hint=_SMOOTHED_FIRST)) from error
+
+
 def _leg(line: Line, number: int, given: RawLeg, lead_line: LeadLine | None) -> Leg:
     """Return a leg in its widths alone."""
-    raw, name = given.raw, f"{line.name}, leg {number}"
+    raw, name, last_axle = given.raw, f"{line.name}, leg {number}", None
     if given.backward:
         raw = _turned(raw)
     try:
         if given.backward and lead_line is not None:
+            (x, y), (ahead, across) = raw.points[0].tolist(), np.diff(raw.points[:2], axis=0)[0]
+            last_axle = x, y, float(np.arctan2(across, ahead))
             raw = _led(raw, lead_line, line.options)
         _refuse_closed(raw)
         road, _ = smoothed(Line(name, raw, line.options), SHORTEST_M)
     except RoadError as error:
         raise _of(name, error) from error
-    return Leg(road, given.backward)
+    return Leg(road, given.backward, last_axle)
 
 
 def _led(raw: RawRoad, lead_line: LeadLine, options: RoadOptions) -> RawRoad:

@@ -15,6 +15,7 @@ import pytest
 
 from hdvplan.answers import NEEDS, NO, YES, without_word, worded
 from hdvplan.report.summary import TRACKING
+from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
 from tests.road.drives import BAY, EAST, NORTH, drawn, leg, line_feature, turn_features, written
 
@@ -152,9 +153,12 @@ def test_the_line_of_the_last_axle_leads_the_semitrailer_onto_a_dock(cli: Cli, t
     assert outcome.code == 0
     path = pd.read_csv(tmp_path / "out" / "path.csv")
     end = path.iloc[-1]
-    lengths = 3.6 + 7.7  # about, from the tractor's axle to the trailer's: the dock's end is where the trailer's line ends
-    apart = np.hypot(end["x"] - (rear[-1, 0] + EAST), end["y"] - (rear[-1, 1] + NORTH))
-    assert 0.5 * lengths < apart < 1.2 * lengths
+    tractor, trailer = load_vehicle("tractor-semitrailer").units
+    behind, along = end["heading"] - end["beta1"], np.array([np.cos(end["heading"]), np.sin(end["heading"])])
+    kingpin = np.array([end["x"], end["y"]]) - tractor.hitch_offset * along
+    apart = np.hypot(*(kingpin - trailer.wheelbase * np.array([np.cos(behind), np.sin(behind)]) - rear[-1] - [EAST, NORTH]))
+    assert apart < 0.25  # of the drawn end, which is the trailer's axle's
+    assert summary_of(tmp_path / "out")["legs"][-1]["off_line_end_m"] == pytest.approx(apart, abs=1e-3)  # path.csv is rounded
     assert abs(end["beta1"]) < np.deg2rad(3.0)  # on the straight before the dock the vehicle is stretched again
 
 
