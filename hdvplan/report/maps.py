@@ -86,7 +86,7 @@ def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, 
         elif feature.layer is Layer.GUIDED_PATH:
             label = f"path of the {str(feature.properties['point']).replace('-', ' ')}"
         elif feature.layer is Layer.LIMITS and feature.properties["bridged"]:
-            label = "not drawn, bridged"
+            label = "assumed, not drawn"
             look["linestyle"] = BRIDGED
         elif feature.layer is Layer.LIMITS and feature.properties["binds"] == "overhangs":
             label = "limits of overhangs"

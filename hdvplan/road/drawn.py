@@ -11,7 +11,7 @@ import scipy  # its subpackages load when they are first used
 from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up
 from hdvplan.errors import RoadError
 from hdvplan.road.about import About
-from hdvplan.road.chains import OVERLAP_M, Bridge, chained, gaps
+from hdvplan.road.chains import OVERLAP_M, chained, gaps
 from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, project_many
@@ -26,8 +26,8 @@ _ELSEWHERE_M = 1000.0  # no street is so wide
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
 
-def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tuple[Kerb, ...], tuple[Bridge, ...], tuple[str, ...]]:
-    """Return the kerbs that drawn lines, each of shape (n, 2) [m], make beside ``path``, what bridges their gaps, and notes on both.
+def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tuple[Kerb, ...], tuple[FloatArray, ...], tuple[str, ...]]:
+    """Return the kerbs that drawn lines, (n, 2) each [m], make beside ``path``, the lines in them that nobody drew, and notes on both.
 
     Names of lines do not count, only where they lie. A piece that goes over from one side of the road to the other beyond an end closes the
     street, as a kerb by itself; one that the road's own line ends on is where a drawn area ends, and the street is open there. Over a gap
@@ -48,18 +48,29 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
         pieces, across = [*pieces, *found], [*across, *told]
     open_place = about.kerbs(Limits.constant(OPEN_M, OPEN_M, path.length))
     kerbs: list[Kerb] = []
-    bridges: list[Bridge] = []
+    undrawn: list[FloatArray] = []
     notes: list[str] = []
     for left, side in ((True, "left"), (False, "right")):
         own = [piece for piece in pieces if piece.left is left and piece.goes_on]
-        chains, between_them = chained(own, path)
-        kerbs += [part for kerb in chains for part in within_lap(kerb, path)] or [kerb for kerb in open_place if kerb.left is left]
-        bridges += between_them
+        chains, bridges = chained(own, path)
+        found = [part for kerb in chains for part in within_lap(kerb, path)]
+        assumed = [] if found else [kerb for kerb in open_place if kerb.left is left]
+        kerbs += found + assumed
+        undrawn += [bridge.ends for bridge in bridges] + [_further(kerb.points, path) for kerb in assumed]
         if not path.closed or not own:  # around a closed road the ends of what is drawn are bridged as well
             notes += gaps(own, path.length, side)
-        notes += [bridge.note(side, path) for bridge in between_them]
+        notes += [bridge.note(side, path) for bridge in bridges]
     kerbs += [piece for piece in pieces if not piece.goes_on]
-    return tuple(kerbs), tuple(bridges), (*notes, *dict.fromkeys(across))
+    return tuple(kerbs), tuple(undrawn), (*notes, *dict.fromkeys(across))
+
+
+def _further(points: FloatArray, path: ReferencePath) -> FloatArray:
+    """Return a line (n, 2) beside a road as far as bodies reach beyond an open one's ends [m]."""
+    if path.closed:
+        return points
+    ends = path.at(np.array([0.0, path.length])).heading
+    first, last = BEYOND_M * np.stack([np.cos(ends), np.sin(ends)], axis=1)
+    return np.vstack([points[0] - first, points, points[-1] + last])
 
 
 def _refuse_elsewhere(line: FloatArray, edges: FloatArray) -> None:

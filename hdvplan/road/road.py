@@ -57,7 +57,7 @@ class Road:
     #: the line that widths count from; None: the path itself
     about: About | None = field(default=None, metadata={"decides": False})
     drawn: tuple[Kerb, ...] | None = None  #: the kerbs as they are drawn, of which ``limits`` are what lies beside the path
-    #: where straights bridge the gaps between drawn kerbs, (2, 2) each [m]
+    #: where straights bridge the gaps between drawn kerbs, and what bounds a side on which none is drawn, (n, 2) each [m]
     bridges: tuple[FloatArray, ...] = field(default=(), metadata={"decides": False})
     #: with which kerbs inside sharp corners are rounded [m]
     corner_radius: float = field(default=0.0, metadata={"decides": False})
@@ -132,7 +132,7 @@ class Road:
     def within(self, limits: Limits | None, drawn: tuple[Kerb, ...] | None = None, bridges: tuple[FloatArray, ...] = ()) -> Road:
         """Return the road with ``limits`` beside its path, or without limits if that is None.
 
-        ``drawn`` are the kerbs themselves, where they do not follow from those, and ``bridges`` the straights in them.
+        ``drawn`` are the kerbs themselves, where they do not follow from those, and ``bridges`` what nobody drew in them.
         """
         return replace(self, limits=limits, drawn=drawn, bridges=bridges, faces=None)
 

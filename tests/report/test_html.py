@@ -186,7 +186,7 @@ def test_the_page_draws_the_kerbs_where_they_are_not_where_normals_of_the_line_m
         there = feature.geometry if limit["layer"] == "limits" else shapely.boundary(feature.geometry)
         assert shapely.hausdorff_distance(shown, there) < 0.02  # to 1 cm, and what simplifying leaves out
     page = report_html([plan], "notched")
-    assert page.count("not drawn, bridged") == 1
+    assert page.count("assumed, not drawn") == 1
     assert "limits of overhangs" not in page.partition("<script")[0]
 
 

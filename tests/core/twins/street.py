@@ -85,7 +85,7 @@ def signed(line: shapely.LineString, beyond: shapely.Polygon, points: FloatArray
 
 
 def protruding(points: FloatArray, *, left: bool) -> FloatArray:
-    """Return the inner points of a kerb that stand into its street, there it turns away from it, and where their bisectors lead: (2, n, 2)."""
+    """Return the inner points of a kerb that stand into its street, and where their bisectors lead behind it, (2, n, 2)."""
     one, other = points[1:-1] - points[:-2], points[2:] - points[1:-1]
     turn = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     ways = one / np.hypot(*one.T)[:, None] + other / np.hypot(*other.T)[:, None]
