@@ -24,6 +24,7 @@ SIMPLER_M = 2.5e-4  # lines leave out points that would move them by no more
 _NEAR_M = 3.0  # from what was swept, on a road without widths
 _FURTHER_M = 0.05  # beyond a kerb than the depth of its breach
 _BESIDE_M = 1.0  # of a conflict, along the kerb: there what was swept is within it again
+_SEEN_M = 0.005  # of the driver's error: less is told as 0.00 m
 _TEETH_M = 0.3  # between the outlines of two poses: filled, which shows no less than the bound
 
 
@@ -147,7 +148,7 @@ def tubes_of(result: Result, stretches: Sequence[tuple[float, float]]) -> list[B
     lets it.
     """
     tracking = result.tracking
-    if tracking is None or not tracking.error > 0.0:
+    if tracking is None or not tracking.error > _SEEN_M:
         return []
     chain = chain_of(result.drive)
     tracked = Tracked(chain.vehicle.table(), chain.links, tracking.length)

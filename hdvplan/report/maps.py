@@ -12,6 +12,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.font_manager import FontProperties
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+from matplotlib.transforms import ScaledTranslation
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 from shapely.geometry.base import BaseGeometry
 
@@ -261,9 +262,12 @@ def scale_bar(axes: Axes) -> None:
 
 
 def draw_north(axes: Axes, tip: tuple[float, float], turn: float = 0.0) -> None:
-    """Draw a north arrow to ``tip``, a place as shares of the axes, on a map that is turned by ``turn`` [rad]."""
+    """Draw a north arrow on a map that is turned by ``turn`` [rad], about the middle of one upright to ``tip``, shares of the axes."""
+    ahead = 0.5 * _NORTH_PT * np.array([-np.sin(turn), np.cos(turn)])
+    x, y = (ahead - [0.0, 0.5 * _NORTH_PT]) / 72.0
+    places = axes.transAxes + ScaledTranslation(x, y, axes.figure.dpi_scale_trans)
     axes.annotate(
-        "N", tip, (_NORTH_PT * np.sin(turn), -_NORTH_PT * np.cos(turn)), xycoords="axes fraction", textcoords="offset points",
+        "N", tip, point(-2.0 * ahead), xycoords=places, textcoords="offset points",
         ha="center", va="center", fontsize="small", fontweight="bold", bbox=ON_WHITE,
         arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.2}, zorder=9,
     )  # fmt: skip

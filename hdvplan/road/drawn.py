@@ -26,12 +26,14 @@ _ELSEWHERE_M = 1000.0  # no street is so wide
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
 
-def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tuple[Kerb, ...], tuple[FloatArray, ...], tuple[str, ...]]:
+def drawn_kerbs(
+    path: ReferencePath, edges: tuple[FloatArray, ...], given: About | None = None
+) -> tuple[tuple[Kerb, ...], tuple[FloatArray, ...], tuple[str, ...]]:
     """Return the kerbs that drawn lines, (n, 2) each [m], make beside ``path``, the lines in them that nobody drew, and notes on both.
 
     Names of lines do not count, only where they lie. A piece that goes over from one side of the road to the other beyond an end closes the
     street, as a kerb by itself; one that the road's own line ends on is where a drawn area ends, and the street is open there. Over a gap
-    a kerb is straight.
+    a kerb is straight; beyond the ends kerbs go on as the ``given`` line does, or the path.
 
     Raises:
         RoadError: a line crosses the road between its ends, and does not just close an area there; all lines are somewhere else.
@@ -48,7 +50,7 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
         pieces, across = [*pieces, *found], [*across, *told]
     open_place = about.kerbs(Limits.constant(OPEN_M, OPEN_M, path.length))
     kerbs: list[Kerb] = []
-    undrawn: list[FloatArray] = []
+    undrawn, ends = list[FloatArray](), (given or about).ends
     notes: list[str] = []
     for left, side in ((True, "left"), (False, "right")):
         own = [piece for piece in pieces if piece.left is left and piece.goes_on]
@@ -56,7 +58,7 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
         found = [part for kerb in chains for part in within_lap(kerb, path)]
         assumed = [] if found else [kerb for kerb in open_place if kerb.left is left]
         kerbs += found + assumed
-        undrawn += [bridge.ends for bridge in bridges] + [_further(kerb.points, path) for kerb in assumed]
+        undrawn += [bridge.ends for bridge in bridges] + [kerb.points if path.closed else _further(kerb.points, ends) for kerb in assumed]
         if not path.closed or not own:  # around a closed road the ends of what is drawn are bridged as well
             notes += gaps(own, path.length, side)
         notes += [bridge.note(side, path) for bridge in bridges]
@@ -64,12 +66,9 @@ def drawn_kerbs(path: ReferencePath, edges: tuple[FloatArray, ...]) -> tuple[tup
     return tuple(kerbs), tuple(undrawn), (*notes, *dict.fromkeys(across))
 
 
-def _further(points: FloatArray, path: ReferencePath) -> FloatArray:
-    """Return a line (n, 2) beside a road as far as bodies reach beyond an open one's ends [m]."""
-    if path.closed:
-        return points
-    ends = path.at(np.array([0.0, path.length])).heading
-    first, last = BEYOND_M * np.stack([np.cos(ends), np.sin(ends)], axis=1)
+def _further(points: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return a line (n, 2) beside an open road as far as bodies reach beyond the ends of that, which have these directions (2, 2) [m]."""
+    first, last = BEYOND_M * ends
     return np.vstack([points[0] - first, points, points[-1] + last])
 
 

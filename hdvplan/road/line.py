@@ -148,7 +148,7 @@ def smoothed(line: Line, shortest: float = MIN_LENGTH_M) -> tuple[Road, FloatArr
         if raw.reaches is not None or raw.sides is not None:
             msg = f"{name}: the line has widths, and edges are drawn beside it"
             raise RoadError(msg, hint="keep one of the two: take the widths out of the file, or the edges")
-        kerbs, undrawn, more = drawn_kerbs(path, raw.edges)
+        kerbs, undrawn, more = drawn_kerbs(path, raw.edges, about)
         return replace(road, notes=_notes(raw, name, more), bridges=undrawn).with_kerbs(kerbs), s_points
     if raw.sides is not None:
         return road.with_kerbs(tuple(Kerb(side, s_points, left) for side, left in zip(raw.sides, (True, False), strict=True))), s_points
