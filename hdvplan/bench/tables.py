@@ -14,7 +14,8 @@ OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
 UNRECORDED = "nothing recorded"  # of a sample: the reference cannot drive the course, whatever the solver
 UNFAIR = "unfair"  # right or not: it waits, changes clocks or remembers answers
 CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
-LOST = frozenset({FAILED, CRASHED, HUNG, OUT_OF_MEMORY})  # no plan, which is no matter of a budget
+WRONG, WRONG_PATH = "wrong optimum", "wrong path"
+LOST = frozenset({FAILED, CRASHED, HUNG, OUT_OF_MEMORY, WRONG, WRONG_PATH})  # no plan that is right, which is no matter of a budget
 _LARGEST = 1_000_000_000  # bytes of an unpacked table: ten million planning steps
 
 

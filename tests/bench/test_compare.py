@@ -125,6 +125,15 @@ def test_an_envelope_that_moved_by_less_than_the_tolerance_is_the_same() -> None
     assert not held(side(), new).changes  # 0.05 mm of 0.1 mm
 
 
+@pytest.mark.parametrize("status", ["wrong optimum", "wrong path", "failed"])
+def test_no_change_that_is_expected_makes_a_wrong_answer_fine(status: str) -> None:
+    new = side()
+    new = replace(new, counters=new.counters.assign(status=[status, *new.counters["status"][1:]]))
+    comparison = held(side(), new, expect_changes=True)
+    assert comparison.verdict is GateVerdict.REGRESSED
+    assert verdict_line(comparison, Rule()).startswith("regressed: no right plan in 1 cell where there was one")
+
+
 def test_sides_that_take_other_steps_are_red_and_timed_over_the_steps_that_both_have() -> None:
     def shorter(measured: Measurement) -> Measurement:
         return replace(measured, steps=measured.steps[:4], statuses=measured.statuses[:4])
@@ -205,7 +214,7 @@ def test_a_plan_that_is_lost_says_its_last_words_in_every_format(cli: Cli, two_r
     )
     rewrite(new, lambda samples: samples[samples["solver"] != "piqp"])
     line = cli("compare", "base", "new", "--reports", "reports").out.splitlines()[-1]
-    assert line.startswith("regressed: no plan in 1 cell where there was one (solver 'piqp' raises AttributeError: no")
+    assert line.startswith("regressed: no right plan in 1 cell where there was one (solver 'piqp' raises AttributeError: no")
     assert "\x1b" not in line
     change = json.loads(Path("reports/comparison.json").read_text(encoding="utf-8"))["changes"][0]
     assert (change["counter"], change["why"].split(":")[0]) == ("status", "solver 'piqp' raises AttributeError")

@@ -54,7 +54,7 @@ class Change:
 
     @property
     def is_lost(self) -> bool:
-        """Whether it is a cell that was planned to its end before, and is not now."""
+        """Whether it is a cell that was planned to its end, and rightly, before, and is not now."""
         return self.is_missing or (self.counter == "status" and self.base == OK and self.new in LOST)
 
 

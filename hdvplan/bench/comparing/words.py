@@ -78,7 +78,7 @@ def _changed_parts(changes: Sequence[Change]) -> list[str]:
     gone = {change.cell for change in changes if change.is_missing}
     lost = len({change.cell for change in changes if change.is_lost} - gone)
     why = next((f" ({change.why})" for change in changes if change.why), "")
-    parts = [f"no plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
+    parts = [f"no right plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
     parts += [f"{len(gone)} cell{_s(len(gone))} of the base {'was' if len(gone) == 1 else 'were'} not measured"] if gone else []
     work = [change for change in changes if change.counter in _WORK and not change.is_lost]
     others = len({change.cell for change in changes} - {change.cell for change in work} - {c.cell for c in changes if c.counter == "cell"})

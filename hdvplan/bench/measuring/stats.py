@@ -18,11 +18,10 @@ from hdvplan.bench.measuring.ranking import of_group, ranked_times, ranking, shi
 from hdvplan.bench.measuring.referee import TUNED, WRONG_M, accepted, remembers
 from hdvplan.bench.measuring.samples import Judgement, Measurement
 from hdvplan.bench.suite import COURSE, GROUP, KEY, Cell, key_of
-from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR
+from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR, WRONG, WRONG_PATH
 from hdvplan.qp.workspace import Status
 
 SOME_UNSOLVED, SOME_REFUSED = "some steps not solved", "some steps not accepted"
-WRONG, WRONG_PATH = "wrong optimum", "wrong path"
 _PARTS = ("linearise", "update", "solve", "check")
 REFERENCE = "riccati"  # if it takes part; else the first solver
 
