@@ -19,7 +19,7 @@ import typer
 from typer.main import get_command
 
 from hdvplan.cli import bench, compare, export_c, judge, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
-from hdvplan.cli.console import ExitCode, report_error
+from hdvplan.cli.console import ExitCode, answers, report_error
 from hdvplan.cli.help import Command, Group
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
 from hdvplan.texts import did_you_mean
@@ -77,8 +77,8 @@ def _root(
 
 def run_process() -> int:
     """Run the command line of this process and return its exit code."""
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: names may hold what a terminal's encoding has not
+    if isinstance(stdout := answers(), TextIOWrapper):
+        stdout.reconfigure(errors="backslashreplace")  # as stderr: names may hold what a terminal's encoding has not
     return _written(run(sys.argv[1:]))
 
 
@@ -96,9 +96,9 @@ def command_line() -> Callable[..., object]:
 def _written(code: int) -> int:
     """Return the exit code once stdout is written: at the end of the process Python would say what went wrong, in lines of its own."""
     try:
-        sys.stdout.flush()
+        answers().flush()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python tries once more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), answers().fileno())  # Python tries once more
         if isinstance(error, BrokenPipeError) or code == ExitCode.USAGE:  # its reader, such as head, has enough; or all is message
             return code
         report_error(f"stdout: {error.strerror}")

@@ -8,7 +8,7 @@ import sys
 from contextlib import contextmanager
 from enum import IntEnum
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from hdvplan.errors import OptionError
 from hdvplan.texts import encoded, printable
@@ -80,9 +80,14 @@ def print_tables(*tables: Table) -> None:
     sys.stdout.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
 
 
+def answers() -> TextIO:
+    """Return stdout, also where all that is printed goes to stderr."""
+    return sys.__stdout__ if sys.stdout is sys.stderr and sys.__stdout__ is not None else sys.stdout
+
+
 def print_json(value: object) -> None:
     """Write ``value`` as JSON to stdout."""
-    sys.stdout.write(encoded(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n").decode())
+    answers().write(encoded(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n").decode())
 
 
 def rows_json(table: DataFrame) -> list[dict[str, object]]:

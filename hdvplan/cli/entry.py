@@ -2,30 +2,64 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import signal
 import sys
 
 _COLLECTED = 300_000  # new objects from which Python looks for dead ones: 700, its own, lets it go through all imports again and again
+_OWN = ".py:"  # a solver of one's own, FILE.py:NAME
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
 def main() -> None:
     """Run the command line of this process and exit with its code."""
-    code = 130  # interrupted, as shells report it
+    code, theirs = 130, False  # interrupted, as shells report it
     try:
         open_streams()
+        if "--json" in sys.argv:
+            keep_stdout_clean()
+        theirs = any(_OWN in argument for argument in sys.argv) and abort_at_exit()
         gc.set_threshold(_COLLECTED)
         from hdvplan.cli.app import run_process
 
-        code = run_process()
+        try:
+            code = run_process()
+        except SystemExit as ended:
+            code = ended.code if isinstance(ended.code, int) else 1
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is said and written
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         sys.stderr.write("error: interrupted\n")
     gc.disable()  # the process ends: its memory is given back as a whole
+    if theirs:
+        atexit._run_exitfuncs()  # noqa: SLF001 - all that `os._exit` leaves out
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
     sys.exit(code)
+
+
+def keep_stdout_clean() -> None:
+    """Let what a solver or planner of one's own prints, or its native library, go to stderr: on stdout nothing but JSON may be."""
+    sys.stdout.flush()
+    sys.__stdout__ = os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding)  # type: ignore[misc] # where print_json writes then
+    os.dup2(2, 1)
+    sys.stdout = sys.stderr
+
+
+def abort_at_exit() -> bool:
+    """Let ``exit`` of C end the process by SIGABRT: where a native library calls it, the status may be 0, which is that of an answer.
+
+    Return whether the process has to end by ``os._exit`` after that.
+    """
+    if sys.platform == "win32":
+        return False
+    import ctypes
+
+    libc = ctypes.CDLL(None)
+    return not libc["__cxa_atexit"](libc.abort, None, None)
 
 
 def open_streams() -> None:

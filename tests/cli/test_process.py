@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -153,6 +154,29 @@ def test_streams_that_cannot_be_written_are_no_bug(tmp_path: Path, command: str,
     assert len(lines) == bool(said)
     assert all(line.startswith("error: ") and line.endswith(said) for line in lines)
     assert command.startswith("vehicles") or (tmp_path / "uturn.csv").read_text(encoding="utf-8").startswith("s,kappa\n0.0,0.0\n")
+
+
+OWN = """import ctypes, os
+from hdvplan.planning.objectives import geometric
+
+def loud(stations, vehicle):
+    print("a line of one's own")
+    os.write(1, b"and one of a library\\n")
+    return geometric(stations, vehicle)
+
+def ending(stations, vehicle):
+    ctypes.CDLL(None).exit(0)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its C library has another name")
+def test_what_is_of_one_s_own_neither_writes_into_json_nor_ends_a_command_as_if_it_had_answered(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
+    plan = ("plan", "uturn", "--vehicle", "bus", "--no-plot", "--json", "--objective")
+    loud, ending = hdvplan(tmp_path, *plan, "own.py:loud"), hdvplan(tmp_path, *plan, "own.py:ending")
+    assert (loud.returncode, json.loads(loud.stdout)["status"]) == (0, "ok")
+    assert {"a line of one's own", "and one of a library"} <= set(loud.stderr.splitlines())
+    assert (ending.returncode, ending.stdout) == (-signal.SIGABRT, "")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals and named pipes")
