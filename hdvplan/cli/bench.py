@@ -56,7 +56,8 @@ def bench(
     --export-qps measures nothing: the first of --solvers drives, and exit code 1 says that a drive ended early.
 
     Defaults: ten shipped roads, bus and tractor-trailer, both schemes, riccati, piqp, clarabel and osqp, three rounds, limits
-    0.5 m beyond the geometric half width. A cell that cannot be planned is a row of the tables; the run continues.
+    0.5 m beyond the geometric half width. A cell that cannot be planned, or not rightly, is a row of the tables; the
+    run continues, and its exit code is 0.
 
     With --against: two roads, riccati and six rounds; five fresh processes for each side, which take turns, ten if a repeat is needed,
     more where noise hides the answer.

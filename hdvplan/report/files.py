@@ -137,7 +137,7 @@ def profile_table(result: Result) -> Table:
 
 
 def steps_table(result: Result) -> Table:
-    """Return the planning steps in their order: where, their times [ms], iterations, status and recomputed residuals."""
+    """Return the planning steps in their order: where, times [ms], iterations, status, recomputed residuals, what the last QP moved."""
     plans = result.drive.plans
     times = {name: np.array([getattr(plan.times, name) for plan in plans]) for name in ("total", "linearise", "update", "solve", "check")}
     table = {"s": _metres(result.drive.stations.s[np.array([plan.first for plan in plans], dtype=int)])}
@@ -146,6 +146,7 @@ def steps_table(result: Result) -> Table:
     table |= {
         f"{side}_residual": Column(np.array([getattr(plan.residuals, side) for plan in plans]), "%.3e") for side in ("primal", "dual")
     }
+    table["moved"] = Column(np.array([plan.moved for plan in plans]), "%.3e")
     return table | {"predicted_violation_m": _metres(np.array([plan.violation for plan in plans]))}
 
 

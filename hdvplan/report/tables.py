@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from hdvplan.judging.fit import Fit, RoadFacts, Trouble, facts_of
+from hdvplan.planning.settings import Scheme
 from hdvplan.report.grid import grid
 from hdvplan.road.options import Corners
 from hdvplan.road.road import Road, Smoothing
@@ -138,6 +139,8 @@ def _limits_remark(summary: Json) -> str:
 def _plans_remark(summary: Json) -> str:
     settings, failed, rescued = summary["settings"], len(summary["failed_steps"]), len(summary["rescued_steps"])
     text = f"every {settings['replan']:g} m, {settings['horizon']:g} m ahead"
+    sqp, converged = summary["scheme"] == Scheme.SQP, summary["converged_plans"]
+    text += f"; {converged} converged" if sqp and converged < summary["plans"] else ""
     text += f"; {rescued} by another solver" if rescued else ""
     return f"{text}; {failed} not solved, the vehicle followed the last plan" if failed else text
 
