@@ -186,7 +186,9 @@ def _refusal(kind: Any, table: Any, message: str, where: str, error: type[EntryE
     if unknown:
         above = [] if meant_by(unknown[1], known) else meant_by(unknown[1], top)
         listed = f"write {above[0]} at the top of the file, before all [tables]" if above else f"known entries: {', '.join(known)}"
-        hint = did_you_mean(unknown[1], known, listed)
+        tables = {name: _within(_inner(one), _is_table) for name, one in get_type_hints(kind).items() if _within(one, _is_list)}
+        below = [name for name, one in tables.items() if one is not None and unknown[1] in get_type_hints(one)]
+        hint = f"it is an entry of [[{below[0]}]]" if below else did_you_mean(unknown[1], known, listed)
         return error(f"{where}: unknown entry {unknown[1]!r}", field=unknown[1], hint=hint)
     if missing:
         return error(f"{where}: {missing[1]} is missing", field=missing[1], hint=f"known entries: {', '.join(known)}")
