@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing as mp
 import os
 import shutil
@@ -16,6 +17,7 @@ from pathlib import Path
 from types import FrameType
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+_ENDED = b"error: the process was ended by C's exit(): by a library of a solver or objective of your own?"
 _ROOM = 64_000_000  # bytes that must be free
 
 
@@ -24,6 +26,18 @@ def serve_parent() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     _end_with_the_parent()
     _silence()
+
+
+def fail_at_exit(code: int) -> bool:
+    """Let C's ``exit`` end this process with ``code`` and a word: native libraries call it, even with 0, the status of an answer.
+
+    Return whether the process itself has to end by ``os._exit`` then.
+    """
+    if sys.platform == "win32":
+        return False
+    libc = ctypes.CDLL(None)
+    ways = ((libc["_exit"], ctypes.c_void_p(code)), (libc["warnx"], ctypes.c_char_p(_ENDED)))  # called from the last to the first
+    return not any(libc["__cxa_atexit"](function, argument, None) for function, argument in ways)
 
 
 def _end_with_the_parent() -> None:

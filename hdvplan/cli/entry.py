@@ -9,7 +9,8 @@ import signal
 import sys
 
 _COLLECTED = 300_000  # new objects from which Python looks for dead ones: 700, its own, lets it go through all imports again and again
-_OWN = ".py:"  # a solver of one's own, FILE.py:NAME
+_OWN = ".py:"  # a solver or objective of one's own, FILE.py:NAME
+_BROKEN = 70  # the exit code for what should not happen
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
@@ -20,7 +21,10 @@ def main() -> None:
         open_streams()
         if "--json" in sys.argv:
             keep_stdout_clean()
-        theirs = any(_OWN in argument for argument in sys.argv) and abort_at_exit()
+        if any(_OWN in argument for argument in sys.argv):
+            from hdvplan.process import fail_at_exit
+
+            theirs = fail_at_exit(_BROKEN)
         gc.set_threshold(_COLLECTED)
         from hdvplan.cli.app import run_process
 
@@ -47,19 +51,6 @@ def keep_stdout_clean() -> None:
     sys.__stdout__ = os.fdopen(os.dup(1), "w", encoding=sys.stdout.encoding)  # type: ignore[misc] # where print_json writes then
     os.dup2(2, 1)
     sys.stdout = sys.stderr
-
-
-def abort_at_exit() -> bool:
-    """Let ``exit`` of C end the process by SIGABRT: where a native library calls it, the status may be 0, which is that of an answer.
-
-    Return whether the process has to end by ``os._exit`` after that.
-    """
-    if sys.platform == "win32":
-        return False
-    import ctypes
-
-    libc = ctypes.CDLL(None)
-    return not libc["__cxa_atexit"](libc.abort, None, None)
 
 
 def open_streams() -> None:

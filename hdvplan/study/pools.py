@@ -20,7 +20,7 @@ import pebble
 from hdvplan.errors import HdvplanError, OptionError
 from hdvplan.machine import software, usable_cores, use_one_thread
 from hdvplan.plugins import error_text
-from hdvplan.process import serve_parent
+from hdvplan.process import fail_at_exit, serve_parent
 from hdvplan.study.cells import Cell
 from hdvplan.study.engine import FAILED, HUNG, KILLED, Ending, Outcome, ended, run_in
 
@@ -87,7 +87,13 @@ class _LocalPool:
     def _new(self) -> pebble.ProcessPool:
         use_one_thread()  # the processes inherit it before they load anything
         spawned = mp.get_context("spawn")  # a forked process would share threads and locks with libraries that may be loaded here
-        return pebble.ProcessPool(max_workers=self._workers, initializer=serve_parent, context=spawned)
+        return pebble.ProcessPool(max_workers=self._workers, initializer=_serve, context=spawned)
+
+
+def _serve() -> None:
+    """Make this process a worker, and its end one that is seen: of a process that ends with 0 the pool believes that it works on."""
+    serve_parent()
+    fail_at_exit(1)
 
 
 def _end(pool: pebble.ProcessPool) -> None:

@@ -24,7 +24,7 @@ from tests.study.conftest import InHere
 from tests.study.test_run import exact
 
 FAULTY = """
-import os, pathlib, signal, time
+import ctypes, os, pathlib, signal, time
 from hdvplan.solvers.riccati import RiccatiWorkspace
 
 class Killing:
@@ -39,6 +39,11 @@ class KillingOnce(RiccatiWorkspace):
             marker.touch()
             os.kill(os.getpid(), signal.SIGKILL)
         super().__init__(shape)
+
+class Leaving:
+    name, starts_warm = "leaving", False
+    def __init__(self, shape):
+        ctypes.CDLL(None).exit(0)
 
 class Hanging:
     name, starts_warm = "hanging", False
@@ -127,20 +132,20 @@ def test_killed_and_hanging_processes_cost_their_cell_and_no_other(folder: Path,
         "roads": ["bend.csv"],
         "vehicles": ["bus"],
         "half_widths": [3.0, 3.5],
-        "solvers": ["riccati", "faulty.py:Killing", "faulty.py:KillingOnce", "faulty.py:Hanging"],
+        "solvers": ["riccati", "faulty.py:Killing", "faulty.py:KillingOnce", "faulty.py:Hanging", "faulty.py:Leaving"],
         "settings": {"horizon": 30},
     }
     results = run(study_of(entries), "out", LocalEngine(workers=2, limit=8.0, retries=1))
     table = results.cells()
     ends = table.groupby("outcome")["solver"].unique()
     assert sorted(ends["planned"]) == ["faulty.py:KillingOnce", "riccati"]
-    assert list(ends["killed"]) == ["faulty.py:Killing"]
+    assert sorted(ends["killed"]) == ["faulty.py:Killing", "faulty.py:Leaving"]
     assert list(ends["hung"]) == ["faulty.py:Hanging"]
     reasons = table.groupby("outcome")["reason"].unique()
-    assert list(reasons["killed"]) == ["its process ended with SIGKILL"]
+    assert sorted(reasons["killed"]) == ["its process ended with SIGKILL", "its process ended with code 1"]
     assert list(reasons["hung"]) == ["it took longer than 8 s"]
     assert table[table["solver"] == "faulty.py:KillingOnce"]["parallel_attempts"].sum() == 3
-    assert results.unanswered == 4
+    assert results.unanswered == 6
 
 
 @pytest.mark.slow
