@@ -86,6 +86,7 @@ def bench(
     from hdvplan.bench.measuring.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
     from hdvplan.bench.measuring.run import remaining, run
     from hdvplan.bench.measuring.timing import LAYOUTS, reasons_of, summary_tables
+    from hdvplan.process import ended_by_signals
 
     if files.export_qps is not None:
         from hdvplan.bench.measuring.export import cases_to_export, export
@@ -108,7 +109,7 @@ def bench(
         for name in wanted.solvers:
             solver_named(name)  # a class that cannot be loaded is the user's mistake, not a row
         try:
-            with writing(f"to {out}"):
+            with writing(f"to {out}"), ended_by_signals():
                 if files.fresh:
                     discard(out)
                 begin(wanted, cases, out, record, one_thread=one_thread)
@@ -118,7 +119,7 @@ def bench(
                 with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
                     run(wanted, cases, makers, out, on_progress, in_process=options.in_process)
                 finish(wanted, out)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemExit):
             count = len(wanted.cells()) * wanted.rounds
             note(f"{count - remaining(wanted, out)} of {count} drives are saved in {out}; the same command continues the run")
             raise

@@ -4,6 +4,8 @@ import gzip
 import json
 import re
 import shutil
+import signal
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +101,16 @@ def test_the_headline_fits_80_columns_and_json_is_json(cli: Cli, short_road: str
     assert [one["winner"] for one in answer["verdict"]] == ["riccati"] * 4  # four to thirty times as fast: no machine's mood turns that
     assert len(re.findall(r"riccati is fastest in \d+ % of 11 steps", outcome.out)) == 4
     assert answer["timing"][0]["message"] is None
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+def test_a_run_that_is_ended_by_a_signal_says_how_to_go_on_too(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], short_road: str
+) -> None:
+    monkeypatch.setattr("hdvplan.bench.measuring.measure.measure", lambda *_, **__: signal.raise_signal(signal.SIGTERM))
+    with pytest.raises(SystemExit, match="143"):
+        cli("bench", "--roads", short_road, *TINY, "--out", "run")
+    assert capsys.readouterr().err == "0 of 8 drives are saved in run; the same command continues the run\n"
 
 
 @pytest.mark.slow
