@@ -129,7 +129,7 @@ def _draw_envelope(axes: Axes, result: Result, window: Window) -> None:
         axes.fill_between(s, right[unit], left[unit], color=body_fill(unit), linewidth=0.0, label=body_name(vehicle, unit))
     for unit in range(len(vehicle.units)):
         axes.plot(s, np.column_stack([left[unit], right[unit]]), color=body_colour(unit), linewidth=1.0)
-    _plot_expected(axes, s, result.aim[shown] + expected, "geometric")
+    _plot_expected(axes, s, result.aim[shown] + expected, "balanced circle")
     _plot_expected(axes, s, result.aim[shown] - expected)
     _draw_limits(axes, result, shown, window)
     for number, finding in enumerate(result.fit.findings):
@@ -181,7 +181,7 @@ def _draw_curvature(axes: Axes, result: Result, window: Window) -> None:
     drive, shown = result.drive, _within(result.envelope.s, window)
     s = result.envelope.s[shown]
     axes.plot(s, drive.road.path.at(s).curvature, color="0.65", linewidth=1.2, label="road")
-    _plot_expected(axes, s, result.expected.kappa[shown], "geometric")
+    _plot_expected(axes, s, result.expected.kappa[shown], "balanced circle")
     edges = drive.stations.s[: len(drive.kappa) + 1]
     held = np.flatnonzero(_within(edges[:-1], window))
     planned, edges = drive.kappa[held], edges[held[0] : held[-1] + 2]
@@ -210,7 +210,7 @@ def _draw_articulation(axes: Axes, result: Result, window: Window) -> None:
         label = "driven" if couplings == 1 else f"coupling {coupling + 1}"
         driven, geometric = np.rad2deg(drive.z[:, 2 + coupling]), np.rad2deg(result.expected.beta[:, coupling])
         axes.plot(s[shown], driven[shown], color=body_colour(1 + coupling), linewidth=1.3, label=label)
-        _plot_expected(axes, expected_s[expected_shown], geometric[expected_shown], "geometric" if coupling == 0 else None)
+        _plot_expected(axes, expected_s[expected_shown], geometric[expected_shown], "balanced circle" if coupling == 0 else None)
     axes.set_ylabel("articulation [deg]")
 
 
