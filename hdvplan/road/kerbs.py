@@ -27,6 +27,7 @@ _FAR = 6.0  # times the largest width on: inside corners of up to 160 degrees th
 _ROUNDING_M, _ROUNDING = 1e-9, 1e-6  # [m] and [rad]
 _SEEN_M = 0.25  # between places of a kerb that are looked at
 _WITHIN_M = 0.1  # that a place is within the street: more than chords of arcs are
+_ONE_PLACE_M = 1e-5  # between points that are one place: a step of a width is so long, and has no direction of its own
 _SHORT_M = 1e-3  # legs of corners that are not rounded, and points of legs left out
 _LEGS = 3.0  # radii of a rounded corner's legs: enough for 140 degrees
 
@@ -114,12 +115,12 @@ def _offset(points: FloatArray, number: FloatArray, sharp: BoolArray, reach: Flo
     """Return the plain offset line: a point beside every point, at corners the ends of both legs and the mitre between them."""
     chord = np.diff(points, axis=0)
     length = np.hypot(*chord.T)
-    real = np.flatnonzero(length > 0.0)
+    real = np.flatnonzero(length > _ONE_PLACE_M)
     unit = chord[real] / length[real, None]
     after = np.searchsorted(real, np.arange(len(points)))  # the first real chord from the point on
     after, before = np.minimum(after, len(real) - 1), np.maximum(after - 1, 0)
     one = unit[before]
-    last = np.append(length, 1.0) > 0.0
+    last = np.append(length, 1.0) > _ONE_PLACE_M
     other = np.where((last | ~sharp)[:, None], unit[after], one)  # of points in one place the last has the corner
     half = 0.5 * np.arctan2(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0], np.sum(one * other, axis=1))
     middle = np.arctan2(one[:, 1], one[:, 0]) + half

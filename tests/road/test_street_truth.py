@@ -364,3 +364,22 @@ def test_obstacles_before_the_start_and_beyond_the_end_are_judged(at: float) -> 
         assert found.fits is False
         assert found.spare == pytest.approx(1.0 - 0.5 * BUS.width, abs=0.01)  # on its line: the street is symmetrical
         assert found.obstacle is not None
+
+
+@pytest.mark.parametrize("again", [0.0, 0.005, 0.015])  # [m] further on: within 2 cm a point repeats the one before
+def test_a_repeated_point_changes_no_kerb(tmp_path: Path, again: float) -> None:
+    """A step of the width, 1e-6 m long, had a direction of its own there: the kerb folded back by 8 mm, and a YES became a NO by metres."""
+    angles = 4.0 * np.arange(14) / 40.0
+    points = 40.0 * np.column_stack([np.sin(angles), 1.0 - np.cos(angles)])
+    lines = []
+    for at in (None, *range(2, 12)):
+        repeated = points if at is None else np.insert(points, at, points[at - 1] + again * (points[at] - points[at - 1]) / 4.0, axis=0)
+        table = np.column_stack([repeated, np.full((len(repeated), 2), 2.8)])
+        np.savetxt(tmp_path / "arc.csv", table, delimiter=",", header="x,y,left,right", comments="")
+        street = load_road(tmp_path / "arc.csv").kerbs
+        assert street is not None
+        lines.append([shapely.LineString(kerb.points) for kerb in street.kerbs])
+        assert all(
+            np.all(np.sum(np.diff(kerb.points, axis=0)[1:] * np.diff(kerb.points, axis=0)[:-1], axis=1) > 0.0) for kerb in street.kerbs
+        )
+    assert np.max(shapely.hausdorff_distance(lines[1:], lines[0])) < 5e-3  # chords of arcs that begin and end at other points
