@@ -6,15 +6,17 @@ An offer is an entry point of an installed package in the group ``hdvplan.solver
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from hashlib import file_digest, sha256
 from importlib import import_module, metadata
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from traceback import extract_tb
 from types import ModuleType
@@ -144,6 +146,58 @@ def digest_of(path: Path) -> str:
         return file_digest(file, "sha256").hexdigest()[:_DIGITS]
 
 
+def digest_of_own(path: Path) -> str:
+    """Return a digest of a source file and of all that it imports, but for what is installed.
+
+    Raises:
+        OSError: it cannot be read.
+
+    """
+    own, others = digest_of(path), [digest for top in sorted(_imported(path)) if (digest := _digest_of_package(top))]
+    return _together([own, *others]) if others else own
+
+
+@cache
+def _digest_of_package(top: str) -> str | None:
+    """Return a digest of the sources of a module or package and of all that it imports, as they were when first asked for; None of others.
+
+    A process loads them once, too.
+    """
+    tops, files = [top], list[Path]()
+    for one in tops:
+        found = _own_files(one)
+        files += found
+        tops += sorted({name for file in found for name in _imported(file)} - {*tops})
+    return _together(map(digest_of, files)) if files else None
+
+
+def _together(digests: Iterable[str]) -> str:
+    return sha256(" ".join(digests).encode()).hexdigest()[:_DIGITS]
+
+
+def _imported(path: Path) -> set[str]:
+    """Return the packages that a source file names in imports; none of a file that is no Python."""
+    with suppress(SyntaxError, ValueError):
+        nodes = list(ast.walk(ast.parse(path.read_bytes())))
+        names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+        names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module and not node.level]
+        return {name.partition(".")[0] for name in names}
+    return set()
+
+
+def _own_files(top: str) -> list[Path]:
+    """Return the source files of a module or package that is neither installed nor Python's nor ours."""
+    if top in sys.stdlib_module_names or top == _OURS.name:
+        return []
+    spec = find_spec(top)
+    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+        return []
+    origin = Path(spec.origin).resolve()
+    if {"site-packages", "dist-packages"} & {*origin.parts}:
+        return []
+    return [origin] if spec.submodule_search_locations is None else sorted(origin.parent.rglob("*.py"))
+
+
 def version_of(kind: Kind, name: str) -> str | None:
     """Return the version of what a reference or an offer names: its package's, or a file's digest; None where it has none."""
     match = _REFERENCE.fullmatch(name)
@@ -152,9 +206,9 @@ def version_of(kind: Kind, name: str) -> str | None:
         return point.dist.version if point is not None and point.dist is not None else None
     home = match["home"]
     if home.endswith(".py"):
-        return digest_of(Path(home)) if Path(home).is_file() else None
+        return digest_of_own(Path(home)) if Path(home).is_file() else None
     packages = metadata.packages_distributions().get(home.partition(".")[0], [])
-    return metadata.version(packages[0]) if packages else None
+    return metadata.version(packages[0]) if packages else _digest_of_package(home.partition(".")[0])
 
 
 def name_of(thing: str | Callable[..., object]) -> str:
@@ -178,9 +232,10 @@ def identity_of(thing: str | Callable[..., object]) -> tuple[str, ...]:
     if isinstance(thing, str):
         match = _REFERENCE.fullmatch(thing)
         if match is None or not match["home"].endswith(".py"):
-            return (thing,)
+            own = None if match is None else _digest_of_package(match["home"].partition(".")[0])
+            return (thing,) if own is None else (thing, own)
         try:
-            return match["name"], digest_of(Path(match["home"]))
+            return match["name"], digest_of_own(Path(match["home"]))
         except OSError as error:
             msg = f"{thing!r} cannot be read: {error.strerror or error}"
             raise OptionError(msg) from error
@@ -190,7 +245,7 @@ def identity_of(thing: str | Callable[..., object]) -> tuple[str, ...]:
         raise OptionError(msg, hint="define it at the top of a module, or take a functools.partial of what is")
     try:
         file = Path(inspect.getsourcefile(thing) or "")
-        return own, digest_of(file) if file.is_file() else sha256(inspect.getsource(thing).encode()).hexdigest()[:_DIGITS]
+        return own, digest_of_own(file) if file.is_file() else sha256(inspect.getsource(thing).encode()).hexdigest()[:_DIGITS]
     except (OSError, TypeError) as error:
         msg = f"a case cannot tell {name_of(thing)} from another one: its source cannot be read"
         raise OptionError(msg, hint="put it into a file") from error

@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 
 import hdvplan
+from hdvplan import plugins
 from hdvplan.cli.app import run
 from hdvplan.errors import OptionError, SolverError
 from hdvplan.planning.objectives import Goal, geometric, lead_axle, objective_named
 from hdvplan.planning.stations import Stations
+from hdvplan.plugins import identity_of, version_of
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace
 from hdvplan.record import record_of
@@ -281,3 +283,22 @@ def test_what_a_workspace_returns_must_have_the_program_s_shape() -> None:
     for kind in (Small, Scattered):  # the core needs numbers that lie together
         with pytest.raises(SolverError, match="a point of another shape"):
             solver_named(kind)(shape()).solve(random_program(shape(), 1), None)
+
+
+def test_what_a_file_imports_is_part_of_what_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study kept its cells, and a benchmark its run, when a module beside the plugin changed."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "own_package").mkdir()
+    for name, text in (("own", "import json, numpy, own_helper"), ("own_helper", "import own_package"), ("own_package/part", "X = 1")):
+        (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
+    (tmp_path / "own_package" / "__init__.py").touch()
+    kinds, reference = set(), f"{tmp_path}/own.py:mine"
+    for file in ("own", "own_helper", "own_package/part", "own_package/other"):
+        plugins._digest_of_package.cache_clear()
+        kinds.add((identity_of(reference), identity_of("own_helper:mine"), version_of(plugins.SOLVER, reference)))
+        with (tmp_path / f"{file}.py").open("a", encoding="utf-8") as written:
+            written.write("\nY = 2\n")
+    plugins._digest_of_package.cache_clear()
+    kinds.add((identity_of(reference), identity_of("own_helper:mine"), version_of(plugins.SOLVER, reference)))
+    assert len({one for one, _, _ in kinds}) == len({one for _, _, one in kinds}) == 5
+    assert len({one for _, one, _ in kinds}) == 4  # of which the file itself is no part
