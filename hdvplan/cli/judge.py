@@ -109,9 +109,8 @@ def judge(
         case = Case(track, driven, settings=settings)
         along = api.follow(case, given)
         result = api.given_result(case, given, along)
-    if along.drive.road.path.length < track.path.length - settings.step:
-        words = f"the path covers s = {along.begins:.1f} to {along.ends:.1f} m of {track.path.length:.1f} m"
-        note(f"{words}; arclengths count from its beginning" if along.begins > 0.0 else words, quiet=quiet)
+    for text in along.drive.road.notes[len(track.notes) :]:
+        note(text, quiet=quiet)
     if along.apart is not None:
         note(f"articulations come within {along.apart:.4f} rad of those in {path.name}", quiet=quiet)
         if along.apart > _APART:

@@ -44,6 +44,7 @@ def cleared(result: Result, *, quiet: bool) -> Result:
     """Return the plan with the largest clearance that can be kept, of one that fits, and say what it gives the driver."""
     from hdvplan.finer import clearest
     from hdvplan.judging.envelope import steering_of
+    from hdvplan.judging.verdict import stray_text
 
     with progress("planning again with more clearance", quiet=quiet) as on_progress:
         found = clearest(result, on_progress=on_progress)
@@ -51,7 +52,7 @@ def cleared(result: Result, *, quiet: bool) -> Result:
     if before is not None and after is not None:
         note(
             f"the {found.case.vehicle.name} can keep a clearance of {found.case.settings.clearance:.2f} m; "
-            f"with it the driver may stray by {after.error:.3f} m, without by {before.error:.3f} m",
+            f"with it the driver may stray by {stray_text(after.error)}, without by {stray_text(before.error)}",
             quiet=quiet,
         )
     step, uses = result.drive.settings.step, [steering_of(one.drive) for one in (found, result)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its subpackages load when they are first used
@@ -81,8 +81,12 @@ def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: Give
         if ends - begins < vehicle.reach_ahead + vehicle.reach_behind:
             msg = f"the path covers {max(ends - begins, 0.0):.1f} m of the road, less than the {vehicle.name} is long"
             raise RoadError(msg, s_m=begins, hint="judge a longer part of it")
-        beyond = vehicle.reach_ahead + vehicle.reach_behind + _ROOM_M
+        beyond, whole = vehicle.reach_ahead + vehicle.reach_behind + _ROOM_M, road.path.length
         road, feet = part_of(road, begins, ends, beyond, beyond + settings.horizon), feet - begins
+        if ends - begins < whole - step:
+            words = f"the path covers s = {begins:.1f} to {ends:.1f} m of {whole:.1f} m"
+            words += "; arclengths count from its beginning" if begins > 0.0 else ""
+            road = replace(road, notes=(*road.notes, words))
     stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=step, horizon=settings.horizon)
     keep = int(np.ceil(step / POSE_SPACING_M))
     count = keep * round(np.ceil(road.path.length / step - _APART_M))

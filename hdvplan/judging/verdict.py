@@ -182,6 +182,11 @@ def _amount(verdict: Verdict) -> str:
     return f"{amount_text(verdict)} {between} {wanted}"
 
 
+def stray_text(error: float) -> str:
+    """Return how far a driver may stray, rounded down."""
+    return f"{np.floor(error * _CENTI) / _CENTI:.2f} m"
+
+
 def tracking_line(result: Result) -> str:
     """Return how far the driver may stray from a plan that keeps the street, and what decides that, as one line; "" without limits."""
     tracking = result.tracking
@@ -189,7 +194,7 @@ def tracking_line(result: Result) -> str:
         return ""
     course = np.floor(np.degrees(tracking.error / tracking.length) * _TENTHS) / _TENTHS  # a bound is rounded to what it allows
     held = (
-        f"holds while the driver keeps the front axle within {np.floor(tracking.error * _CENTI) / _CENTI:.2f} m of the path, "
+        f"holds while the driver keeps the front axle within {stray_text(tracking.error)} of the path, "
         f"its course within {course:.1f} degrees, without slip"
     )
     if not tracking.decided:

@@ -70,8 +70,11 @@ class SheetOptions:
         if self.scale is not None and not 10 <= self.scale <= _SMALLEST:  # noqa: PLR2004 - 1:10 shows two metres on A4
             msg = f"--scale {self.scale} must lie between 10 and {_SMALLEST}: 200 draws 1:200"
             raise OptionError(msg)
-        if len(self.stamps) > _MOST_STAMPS or any(len(text) > _LONGEST_STAMP for stamp in self.stamps for text in stamp):
-            msg = f"a sheet has room for {_MOST_STAMPS} stamps of {_LONGEST_STAMP} letters"
+        if len(self.stamps) > _MOST_STAMPS:
+            msg = f"a sheet has room for {_MOST_STAMPS} stamps, not for {len(self.stamps)}"
+            raise OptionError(msg)
+        for text in (text for stamp in self.stamps for text in stamp if len(text) > _LONGEST_STAMP):
+            msg = f"a stamp has room for {_LONGEST_STAMP} letters, and {text!r} has {len(text)}"
             raise OptionError(msg)
 
     @property

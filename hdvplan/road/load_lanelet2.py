@@ -155,7 +155,7 @@ def _stops(lanelets: dict[str, Any], road_ids: str | Sequence[str] | None, name:
     listed = some_of(there, _LISTED)
     if road_ids is None and len(there) != 1:
         msg = f"{name}: {len(there)} lanelets that vehicles drive, and none is chosen: {listed}"
-        raise RoadError(msg, hint="choose where to drive, such as --road-ids FROM,TO")
+        raise RoadError(msg, hint="choose where to drive, such as with --road-ids FROM,TO of `hdvplan plan`")
     wanted = there if road_ids is None else ids_of(road_ids)
     found = [[lanelets[way] for way in (one, f"-{one}") if way in lanelets] for one in wanted]
     unknown = next((one for one, ways in zip(wanted, found, strict=True) if not ways), None)

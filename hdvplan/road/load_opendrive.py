@@ -128,7 +128,7 @@ def _stops(roads: dict[str, OdrRoad], road_ids: str | Sequence[str] | None, name
         longest = sorted(roads.values(), key=lambda road: -road.length)
         listed = some_of([f"{road.number} ({road.length:.0f} m)" for road in longest], _LISTED)
         msg = f"{name}: {len(roads)} roads, and none is chosen; the longest are {listed}"
-        raise RoadError(msg, hint="choose where to drive, such as --road-ids FROM,TO")
+        raise RoadError(msg, hint="choose where to drive, such as with --road-ids FROM,TO of `hdvplan plan`")
     stops = []
     for text in ids_of(road_ids):
         forward = False if text.startswith("-") and text not in roads else None

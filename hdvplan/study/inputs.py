@@ -18,7 +18,7 @@ from hdvplan.case import content_digest
 from hdvplan.errors import OptionError, RoadError, VehicleError
 from hdvplan.plugins import digest_of
 from hdvplan.road.options import RoadOptions
-from hdvplan.road.scenarios import SCENARIOS, shipped
+from hdvplan.road.scenarios import SCENARIOS, shipped_roads
 from hdvplan.texts import did_you_mean, printable
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle, refused_in
@@ -97,7 +97,7 @@ def road_digest(source: str) -> str:
         RoadError: it cannot be read.
 
     """
-    path = (shipped("examples") | shipped()).get(source, Path(source))
+    path = shipped_roads().get(source, Path(source))
     if source in SCENARIOS and not path.is_file():
         return source
     parts = sorted(path.parent.glob(f"{escape(path.stem)}.*")) if path.suffix.lower() in _SEVERAL else [path]
@@ -123,7 +123,7 @@ def _sources(name: str, folder: Path) -> list[tuple[str, str]]:
             msg = f"no road file matches {name!r}" if _GLOB.search(name) else f"folder {name!r} has no road file *.geojson"
             raise RoadError(msg, hint="globs are relative to the study's folder")
         return [(printable(file.stem), str(file)) for file in files]
-    known = [*shipped(), *shipped("examples"), *SCENARIOS]
+    known = [*shipped_roads(), *SCENARIOS]
     if name in known:
         return [(name, name)]
     msg = f"no road file, shipped road or scenario is called {name!r}"
