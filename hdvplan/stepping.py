@@ -10,7 +10,7 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.driving.drive import executed, ready
-from hdvplan.errors import OptionError
+from hdvplan.errors import OptionError, PlanError
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
@@ -69,11 +69,16 @@ class Stepper:
         """Plan over one horizon from where the vehicle is: states ``z`` (N + 1, n) at the stations, curvatures ``kappa`` (N,) between.
 
         Raises:
-            PlanError: a point of the vehicle has no foot on the road.
+            PlanError: a point of the vehicle has no foot on the road, or the vehicle is too far from it for a plan to lead on.
             SolverError: the first plan could not be solved, or none over the length of one.
 
         """
-        return self._planner.plan(self.at, np.ascontiguousarray(self.z), self.kappa)
+        plan = self._planner.plan(self.at, np.ascontiguousarray(self.z), self.kappa)
+        if plan.usable and self._planner.leaps:
+            s, off = float(self._stations.s[self.at]), abs(float(self.z[0]))
+            msg = f"at s = {s:.1f} m no plan was found that leads on from {off:.1f} m beside the road's line"
+            raise PlanError(msg, s_m=s, hint="is the vehicle's place on the road known?")
+        return plan
 
     def simulate(self, plan: Plan) -> FloatArray:
         """Return the exact states at this and the next ``count`` stations, (count + 1, n), while driving ``plan``; nothing moves.

@@ -93,3 +93,17 @@ def test_a_curvature_that_the_vehicle_cannot_steer_was_not_driven() -> None:
     with pytest.raises(OptionError, match=r"curvature of -0\.5 1/m was not driven: the bus steers up to 0\.\d+ 1/m"):
         stepper.arrive(stepper.z, -0.5)
     assert stepper.at == 0
+
+
+def test_from_far_beside_the_line_there_is_no_plan_but_one_that_leads_on() -> None:
+    """From 50 m beside it the plan was 36 m beside it half a metre on, and called solved."""
+    case = hdvplan.Case(hdvplan.load_road("uturn").with_limits(3.5, 3.5), hdvplan.load_vehicle("bus"))
+    for off in (-50.0, 15.0, 50.0):
+        stepper = hdvplan.Stepper(case)
+        stepper.arrive(stepper.z + np.eye(len(stepper.z))[0] * off, 0.0)
+        if abs(off) > 20.0:
+            with pytest.raises(PlanError, match=r"no plan was found that leads on from 50\.0 m beside the road's line"):
+                stepper.plan()
+        else:
+            plan = stepper.plan()
+            assert np.max(np.abs(stepper.simulate(plan) - plan.z[: stepper.count + 1])) < 0.05

@@ -9,6 +9,9 @@
 
 /* A step is halved no further: some of it must be taken, as the vehicle has moved on. */
 static const double shortest_step = 1.0 / 32.0;
+/* A motion that leaps by more between two stations is none: so far from the line, steps are shortened so much that it
+ * does not reach its start [m]. */
+static const double leap = 0.5;
 /* RTI leaves a smaller predicted violation to the next step [m]. A program more may lift a larger one before the next
  * ends it, so that none is left out for that. */
 static const double repaired = 0.01;
@@ -283,4 +286,16 @@ HDV_EXPORT int64_t hdv_iterate(struct hdv_planner *planner) {
 int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before) {
     int64_t stop = hdv_begin(planner, first, kappa_before);
     return stop == HDV_SOLVE ? hdv_iterate(planner) : stop;
+}
+
+/* Against de_y/ds = (1 - curvature e_y) tan(e_psi), half-way between two stations. */
+int64_t hdv_leaps(const struct hdv_planner *planner) {
+    const struct hdv_scene *scene = planner->scene;
+    for (int64_t i = 0; i < planner->executed; i++) {
+        const double *z = scene->motion + i * (scene->states + 1), *next = z + scene->states + 1;
+        double along = 1.0 - 0.5 * (z[0] + next[0]) * scene->road[i].curvature_between;
+        if (!(fabs(next[0] - z[0] - scene->road[i].step * along * tan(0.5 * (z[1] + next[1]))) <= leap))
+            return 1;
+    }
+    return 0;
 }

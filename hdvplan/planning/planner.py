@@ -29,6 +29,7 @@ _ARRAY = core.record("hdv_array")
 _PLANNER = core.record("hdv_planner", residuals=np.dtype((float, 3)))
 _SOLVE, _REFUSED, _LOST = (core.number(f"HDV_{name}") for name in ("SOLVE", "REFUSED", "LOST"))
 _step = core.function("hdv_step", core.POINTER, core.INT, core.REAL, returns=core.INT)
+_leaps = core.function("hdv_leaps", core.POINTER, returns=core.INT)
 _begin = core.function("hdv_begin", core.POINTER, core.INT, core.REAL, returns=core.INT)
 _iterate = core.function("hdv_iterate", core.POINTER, returns=core.INT)
 _judge = core.function("hdv_judge", core.POINTER, core.POINTER, returns=core.INT)
@@ -198,6 +199,11 @@ class Planner:
             qp_count=step.programs, qp_iterations=iterations + step.iterations, residuals=self._residuals(),
             violation=step.violation, moved=step.moved, merit=step.merit if step.priced else None, halvings=step.halvings, times=times,
         )  # fmt: skip
+
+    @property
+    def leaps(self) -> bool:
+        """Whether the last plan's motion does not reach its start: so far from the line, its steps were shortened too much."""
+        return bool(_leaps(self._address))
 
     def _solved(self, times: StepTimes, *, refused: bool) -> QpResult:
         """Return a judged solution of the program, which solvers are given a copy of; ``refused`` is that of our solver."""

@@ -162,7 +162,7 @@ def test_a_step_from_another_curvature_than_its_last_plan_s_steers_what_the_vehi
 
 
 def test_a_state_outside_the_model_or_the_tables_has_no_plan(tight: ExportedPlanner) -> None:
-    for station, state in ((0, [0.0, 1.6]), (0, [float("nan"), 0.0]), (10_000, [0.0, 0.0]), (-1, [0.0, 0.0])):
+    for station, state in ((0, [0.0, 1.6]), (0, [float("nan"), 0.0]), (0, [100.0, 0.0]), (10_000, [0.0, 0.0]), (-1, [0.0, 0.0])):
         tight.step(station, np.array(state), 0.0)
         assert tight.counts[-1][0] == "beyond"
 

@@ -178,6 +178,8 @@ hdvplan_step(struct hdvplan_memory *memory, int64_t station, const double *state
         return HDVPLAN_BEYOND;
     memcpy(memory->start, state, sizeof memory->start);
     int64_t stop = hdv_step(planner, station, kappa_before);
+    if (stop == HDV_PLANNED && planner->usable && hdv_leaps(planner))
+        return HDVPLAN_BEYOND;
     if (stop == HDV_PLANNED && planner->programs > 0)
         return planner->spent ? HDVPLAN_SPENT : planner->usable ? HDVPLAN_DONE : HDVPLAN_KEPT;
     if (stop == HDV_LOST || !drive_on(memory))
