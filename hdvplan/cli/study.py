@@ -25,7 +25,7 @@ _RUNNING = "Running"  # a group of options
 _MOST_WORKERS = 1000
 _RETRIES = 1
 _PLACES = 8  # of the ranking that are printed
-_REASONS = 3  # why cells have no answer, likewise
+_REASONS = 3  # why cells have no answer, and notes on roads, likewise
 
 
 @dataclass(frozen=True)
@@ -124,6 +124,8 @@ def study(
         print_line(_summary(results, counted[1]))
         print_tables(*_ranking(results))
         print_line(f"written to {out}/")
+    for text, count in results.notes().most_common(_REASONS):
+        note(f"{_cells(count)}: {text}", quiet=quiet)
     if results.unanswered:
         why = results.reasons()
         told = [f"{count} {ending}: {reason}" for (ending, reason), count in why.most_common(_REASONS)]

@@ -175,7 +175,7 @@ SUMMARY = (
     ),
     Column("step_m", NUMBER, "settings.step"),
     Column("stretches", COUNT, "stretches.count"),
-    *_columns(TEXT, "plane notice version"),
+    *_columns(TEXT, "plane notice version notes"),
 )
 STEPS = _columns(NUMBER, "mean p50 p95 p99 max first", before=f"{PARALLEL}step_ms_", within="time_ms.")
 NEED = (

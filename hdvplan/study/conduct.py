@@ -44,13 +44,18 @@ class Results:
 
     def reasons(self) -> Counter[tuple[str, str]]:
         """Return why cells have no answer: pairs of ending and reason, each with its number of cells."""
+        both = zip(self._texts("outcome"), self._texts("reason"), strict=True)
+        return Counter((str(outcome), str(reason)) for outcome, reason in both if outcome in (REFUSED, *UNANSWERED))
+
+    def notes(self) -> Counter[str]:
+        """Return what was noted of roads, each with its number of cells: layers that are not read, kerbs that are bridged."""
+        return Counter(note for notes in self._texts("notes") for note in (notes or "").splitlines())
+
+    def _texts(self, column: str) -> Iterator[str | None]:
         import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
 
-        found = Counter[tuple[str, str]]()
-        for batch in pq.ParquetFile(self.folder / CELLS).iter_batches(columns=["outcome", "reason"]):
-            both = zip(batch["outcome"].to_pylist(), batch["reason"].to_pylist(), strict=True)
-            found.update((outcome, str(reason)) for outcome, reason in both if outcome in (REFUSED, *UNANSWERED))
-        return found
+        for batch in pq.ParquetFile(self.folder / CELLS).iter_batches(columns=[column]):
+            yield from batch[column].to_pylist()
 
     def cells(self) -> pd.DataFrame:
         """Return one row a cell, in the study's order."""

@@ -22,6 +22,7 @@ from tests.study.conftest import Cli, InHere
 from tests.study.test_engines import FAULTY
 from tests.study.test_run import exact
 
+CRS = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}
 STUDY = 'roads = ["bend.csv", "lane.geojson"]\nvehicles = ["bus"]\nhalf_widths = [1.55, 3.5]\nsettings = { horizon = 30, refine = false }\n'
 
 
@@ -59,6 +60,19 @@ def test_cells_without_an_answer_end_in_1(cli: Cli, study_file: Path) -> None:
     assert (said[0], len(said)) == ("error: 2 cells without an answer", 3)
     assert said[1].startswith("2 killed: ")
     assert said[2].endswith("the same command tries again those that failed, hung or were killed")
+
+
+def test_what_is_noted_of_roads_is_said_with_its_cells(cli: Cli, study_file: Path) -> None:
+    """A layer that is not read decides the answer: a plan said so, a study did not."""
+    edge, line = ([[0.0, 3.0], [60.0, 3.0]], [[0.0, 0.0], [60.0, 0.0]])
+    features = [
+        {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": points}}
+        for properties, points in (({}, line), ({"edge": "left"}, edge))
+    ]
+    Path("half.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": CRS, "features": features}), encoding="utf-8")
+    study_file.write_text('roads = ["half.geojson"]\nvehicles = ["bus", "citaro"]\nsettings = { horizon = 30 }\n', encoding="utf-8")
+    outcome = cli("study", "study.toml", "--out", "out", "--workers", "1")
+    assert (outcome.code, outcome.err) == (0, "2 cells: half: no edge on the right: it is open to 20 m\n")
 
 
 def test_refused_cells_have_no_answer_and_say_why(cli: Cli, study_file: Path) -> None:
