@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Json = dict[str, Any]
 
 _MOST_WARNINGS = 5
+_ASIDE_M = 1.0  # further beside the line than without the largest clearance: less is not told
 _NEAR_M = 0.05  # room to spare below which people ask whether more can be had
 
 
@@ -55,6 +56,11 @@ def cleared(result: Result, *, quiet: bool) -> Result:
             f"with it the driver may stray by {stray_text(after.error)}, without by {stray_text(before.error)}",
             quiet=quiet,
         )
+    beside = [abs(one.drive.z[:, 0]) for one in (found, result)]
+    if beside[0].max() > beside[1].max() + _ASIDE_M:
+        where = f"at s = {found.drive.stations.s[beside[0].argmax()]:.1f} m"
+        text = f"with it the lead axle drives up to {beside[0].max():.1f} m beside the line, {where}, without {beside[1].max():.1f} m"
+        warn(f"{text}: does it still come to where the line leads?", quiet=quiet)
     step, uses = result.drive.settings.step, [steering_of(one.drive) for one in (found, result)]
     for name, what in (("curvature", "steering"), ("rate", "steering rate")):
         more, less = (getattr(use, name).length(step) for use in uses)

@@ -130,3 +130,14 @@ def test_the_largest_clearance_says_what_it_costs_in_steering(cli: Cli, tmp_path
     options = ("monaco_fairmont_hairpin", "--vehicle", "tractor-trailer", "--half-width", "5", "--no-plot", "--out", str(tmp_path / "most"))
     said = cli("plan", *options, "--clearance", "max").err
     assert re.search(r"take over 95 % of the steering, without 0\.0 m: a smaller --clearance steers more calmly", said)
+
+
+def test_a_clearance_that_leads_past_a_bay_is_told(cli: Cli) -> None:
+    """The plan with most room stayed in the carriageway beside a bus stop, and said YES."""
+    x = np.arange(0.0, 161.0, 5.0)
+    y = -3.0 * np.clip((35.0 - np.abs(x - 80.0)) / 20.0, 0.0, 1.0)
+    np.savetxt("bay.csv", np.column_stack([x, y, 3.5 - y, np.full_like(x, 3.5)]), delimiter=",", header="x,y,left,right", comments="")
+    plan = ("plan", "bay.csv", "--vehicle", "citaro", "--smooth", "0.2", "--no-plot", "--clearance")
+    words = "m beside the line, at s = "
+    assert "does it still come to where the line leads?" in next(line for line in cli(*plan, "max").err.splitlines() if words in line)
+    assert words not in cli(*plan, "0.2").err
