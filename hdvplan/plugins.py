@@ -177,7 +177,7 @@ def _together(digests: Iterable[str]) -> str:
 
 def _imported(path: Path) -> set[str]:
     """Return the packages that a source file names in imports; none of a file that is no Python."""
-    with suppress(SyntaxError, ValueError):
+    with suppress(SyntaxError, ValueError, RecursionError, MemoryError):  # what Python cannot parse it refuses to load, too
         nodes = list(ast.walk(ast.parse(path.read_bytes())))
         names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
         names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module and not node.level]
@@ -189,13 +189,16 @@ def _own_files(top: str) -> list[Path]:
     """Return the source files of a module or package that is neither installed nor Python's nor ours."""
     if top in sys.stdlib_module_names or top == _OURS.name:
         return []
-    spec = find_spec(top)
-    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+    try:
+        spec = find_spec(top)
+    except (ImportError, ValueError):  # such as of __main__
         return []
-    origin = Path(spec.origin).resolve()
-    if {"site-packages", "dist-packages"} & {*origin.parts}:
+    if spec is None or (spec.submodule_search_locations is None and not (spec.origin or "").endswith(".py")):
         return []
-    return [origin] if spec.submodule_search_locations is None else sorted(origin.parent.rglob("*.py"))
+    homes = [Path(home).resolve() for home in spec.submodule_search_locations or [spec.origin or ""]]
+    if any({"site-packages", "dist-packages"} & {*home.parts} for home in homes):
+        return []
+    return homes if spec.submodule_search_locations is None else sorted(file for home in homes for file in home.rglob("*.py"))
 
 
 def version_of(kind: Kind, name: str) -> str | None:

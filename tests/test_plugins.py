@@ -288,10 +288,10 @@ def test_what_a_workspace_returns_must_have_the_program_s_shape() -> None:
 def test_what_a_file_imports_is_part_of_what_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A study kept its cells, and a benchmark its run, when a module beside the plugin changed."""
     monkeypatch.syspath_prepend(str(tmp_path))
-    (tmp_path / "own_package").mkdir()
-    for name, text in (("own", "import json, numpy, own_helper"), ("own_helper", "import own_package"), ("own_package/part", "X = 1")):
+    (tmp_path / "own_package").mkdir()  # without __init__.py
+    texts = {"own": "import json, numpy, own_helper, __main__, gone", "own_helper": "import own_package", "own_package/part": "X = 1"}
+    for name, text in texts.items():
         (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
-    (tmp_path / "own_package" / "__init__.py").touch()
     kinds, reference = set(), f"{tmp_path}/own.py:mine"
     for file in ("own", "own_helper", "own_package/part", "own_package/other"):
         plugins._digest_of_package.cache_clear()

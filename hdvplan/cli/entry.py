@@ -9,7 +9,7 @@ import signal
 import sys
 
 _COLLECTED = 300_000  # new objects from which Python looks for dead ones: 700, its own, lets it go through all imports again and again
-_OWN = ".py:"  # a solver or objective of one's own, FILE.py:NAME
+_OWN = ":"  # in FILE.py:NAME and MODULE:NAME, a solver or objective of one's own
 _BROKEN = 70  # the exit code for what should not happen
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 

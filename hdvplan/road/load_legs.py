@@ -71,7 +71,8 @@ def _met(line: Line, lead_line: LeadLine | None) -> tuple[tuple[Leg, ...], tuple
     try:
         return joined(legs, SAME_M if lead_line is None else LEAD_GAP_M)
     except RoadError as error:
-        raise _of(line.name, error if lead_line is None else RoadError(str(error), hint=_SMOOTHED_FIRST)) from error
+        ours = lead_line is None or line.options.smooth is None
+        raise _of(line.name, error if ours else RoadError(str(error), hint=_SMOOTHED_FIRST)) from error
 
 
 def _leg(line: Line, number: int, given: RawLeg, lead_line: LeadLine | None) -> Leg:

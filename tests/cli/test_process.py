@@ -178,6 +178,7 @@ def test_what_is_of_one_s_own_neither_writes_into_json_nor_ends_a_command_as_if_
     assert {"a line of one's own", "and one of a library"} <= set(loud.stderr.splitlines())
     assert (ending.returncode, ending.stdout) == (70, "")
     assert "error: the process was ended by C's exit()" in ending.stderr
+    assert hdvplan(tmp_path, *plan, "own:ending", PYTHONPATH=os.pathsep.join([str(tmp_path), *filter(None, sys.path)])).returncode == 70
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs signals and named pipes")
