@@ -276,7 +276,8 @@ def test_a_signal_at_any_moment_ends_the_command_as_shells_expect(tmp_path: Path
             process.send_signal(number)
             _, err = process.communicate(timeout=_PATIENCE_S)
         ended.append((process.returncode, err))
-    assert {code for code, _ in ended} <= codes
+    ours = [(code, err) for code, err in ended if "<frozen site>" not in err]  # Python, before it has come to hdvplan, ends so with 1
+    assert {code for code, _ in ours} <= codes, [err for code, err in ours if code not in codes]
     assert {err for code, err in ended if code == 130} <= {"error: interrupted\n"}
     assert sum(code != 0 for code, _ in ended) > 6  # most came in time
 
