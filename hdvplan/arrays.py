@@ -18,6 +18,13 @@ def chord_of(points: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
 
 
+def end_ways(points: FloatArray) -> FloatArray:
+    """Return the directions of a line's first and last chord, (2, 2), unit vectors; points (n, 2) that repeat others have none."""
+    chords = np.diff(points, axis=0)
+    chords = chords[np.any(chords != 0.0, axis=1)][[0, -1]]
+    return np.asarray(chords / np.hypot(*chords.T)[:, None])
+
+
 def carried(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:
     """Return arclengths ``at`` of a line on a moved one, on which its ``s`` are ``along``; beyond the ends both run alike [m]."""
     inside = np.clip(at, s[0], s[-1])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hdvplan.arrays import BoolArray, FloatArray
+from hdvplan.arrays import BoolArray, FloatArray, end_ways
 from hdvplan.road.kerbs import kerb_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath
@@ -62,9 +62,7 @@ class About:
     @property
     def ends(self) -> FloatArray:
         """The directions of its first and its last chord, (2, 2), unit vectors."""
-        chords = np.diff(self.points, axis=0)
-        chords = chords[np.any(chords != 0.0, axis=1)][[0, -1]]
-        return np.asarray(chords / np.hypot(*chords.T)[:, None])
+        return end_ways(self.points)
 
     def reversed(self, length: float) -> About:
         """Return the line driven the other way, on a path of that length [m]."""

@@ -18,7 +18,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
-from hdvplan.arrays import BoolArray, FloatArray, IntArray, chord_of, counted_up, runs_of
+from hdvplan.arrays import BoolArray, FloatArray, IntArray, chord_of, counted_up, end_ways, runs_of
 
 _MITRE = 2.0  # of the width: further out the mitre is cut square
 _CHORD_M = 1e-3  # that points of a kerb may be left out
@@ -89,9 +89,7 @@ def kerb_of(
         points, sharp, reach = (np.concatenate([values, values[1:], values[1:]]) for values in (points, sharp, reach))
         number = np.concatenate([number - (end - begin), number[1:], number[1:] + (end - begin)])
     else:  # straight on: what is inside a corner near an end is met there
-        chords = np.diff(points, axis=0)
-        ends = chords[np.flatnonzero(np.any(chords != 0.0, axis=1))[[0, -1]]]
-        ahead = far * ends / np.hypot(*ends.T)[:, None]
+        ahead = far * end_ways(points)
         points = np.concatenate([points[:1] - ahead[:1], points, points[-1:] + ahead[1:]])
         number = np.concatenate([[begin - far], number, [end + far]])
         sharp, reach = np.pad(sharp, 1), np.pad(reach, 1, mode="edge")

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 import shapely.affinity
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, end_ways
 from hdvplan.errors import RoadError
 from hdvplan.road.joints import joined
 from hdvplan.road.legs import SAME_M, SHORTEST_M, Leg, Legs
@@ -77,19 +77,20 @@ def _met(line: Line, lead_line: LeadLine | None) -> tuple[tuple[Leg, ...], tuple
 
 def _leg(line: Line, number: int, given: RawLeg, lead_line: LeadLine | None) -> Leg:
     """Return a leg in its widths alone."""
-    raw, name, last_axle = given.raw, f"{line.name}, leg {number}", None
+    raw, name = given.raw, f"{line.name}, leg {number}"
     if given.backward:
         raw = _turned(raw)
     try:
         if given.backward and lead_line is not None:
-            (x, y), (ahead, across) = raw.points[0].tolist(), np.diff(raw.points[:2], axis=0)[0]
-            last_axle = x, y, float(np.arctan2(across, ahead))
             raw = _led(raw, lead_line, line.options)
         _refuse_closed(raw)
         road, _ = smoothed(Line(name, raw, line.options), SHORTEST_M)
     except RoadError as error:
         raise _of(name, error) from error
-    return Leg(road, given.backward, last_axle)
+    if not given.backward or lead_line is None:
+        return Leg(road, given.backward)
+    (x, y), (ahead, across) = given.raw.points[-1].tolist(), -end_ways(given.raw.points)[1]
+    return Leg(road, given.backward, (x, y, float(np.arctan2(across, ahead))))
 
 
 def _led(raw: RawRoad, lead_line: LeadLine, options: RoadOptions) -> RawRoad:

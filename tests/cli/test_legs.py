@@ -148,7 +148,7 @@ def test_a_report_of_legs_is_refused(cli: Cli, tmp_path: Path) -> None:
 
 def test_the_line_of_the_last_axle_leads_the_semitrailer_onto_a_dock(cli: Cli, tmp_path: Path) -> None:
     rear, _ = drawn((0.0, 0.0, 0.0), [(-30.0, 0.0), (-15.0, -0.02), (-20.0, 0.0)])
-    written(tmp_path, leg(1, "backward", rear), name="dock.geojson")
+    written(tmp_path, leg(1, "backward", np.vstack([rear, rear[-1:]])), name="dock.geojson")  # an end drawn twice
     outcome = cli("plan", "dock.geojson", "--vehicle", "tractor-semitrailer", "--leg-line", "last-axle", "--no-plot", "--out", "out")
     assert outcome.code == 0
     path = pd.read_csv(tmp_path / "out" / "path.csv")
@@ -158,7 +158,9 @@ def test_the_line_of_the_last_axle_leads_the_semitrailer_onto_a_dock(cli: Cli, t
     kingpin = np.array([end["x"], end["y"]]) - tractor.hitch_offset * along
     apart = np.hypot(*(kingpin - trailer.wheelbase * np.array([np.cos(behind), np.sin(behind)]) - rear[-1] - [EAST, NORTH]))
     assert apart < 0.25  # of the drawn end, which is the trailer's axle's
-    assert summary_of(tmp_path / "out")["legs"][-1]["off_line_end_m"] == pytest.approx(apart, abs=1e-3)  # path.csv is rounded
+    told = summary_of(tmp_path / "out")["legs"][-1]
+    assert told["off_line_end_m"] == pytest.approx(apart, abs=1e-3)  # path.csv is rounded
+    assert abs(told["off_line_end_deg"]) < 3.0
     assert abs(end["beta1"]) < np.deg2rad(3.0)  # on the straight before the dock the vehicle is stretched again
 
 
