@@ -153,7 +153,8 @@ def digest_of_own(path: Path) -> str:
         OSError: it cannot be read.
 
     """
-    own, others = digest_of(path), [digest for top in sorted(_imported(path)) if (digest := _digest_of_package(top))]
+    own = digest_of(path)
+    others = [digest for top in sorted(_imported(path, own)) if (digest := _digest_of_package(top))]
     return _together([own, *others]) if others else own
 
 
@@ -163,26 +164,27 @@ def _digest_of_package(top: str) -> str | None:
 
     A process loads them once, too.
     """
-    tops, files = [top], list[Path]()
+    tops, digests = [top], list[str]()
     for one in tops:
-        found = _own_files(one)
-        files += found
-        tops += sorted({name for file in found for name in _imported(file)} - {*tops})
-    return _together(map(digest_of, files)) if files else None
+        found = {file: digest_of(file) for file in _own_files(one)}
+        digests += found.values()
+        tops += sorted({name for file, digest in found.items() for name in _imported(file, digest)} - {*tops})
+    return _together(digests) if digests else None
 
 
 def _together(digests: Iterable[str]) -> str:
     return sha256(" ".join(digests).encode()).hexdigest()[:_DIGITS]
 
 
-def _imported(path: Path) -> set[str]:
-    """Return the packages that a source file names in imports; none of a file that is no Python."""
+@cache
+def _imported(path: Path, _digest: str) -> frozenset[str]:
+    """Return the packages that a source file of a digest names in imports; none of a file that is no Python."""
     with suppress(SyntaxError, ValueError, RecursionError, MemoryError):  # what Python cannot parse it refuses to load, too
         nodes = list(ast.walk(ast.parse(path.read_bytes())))
         names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
         names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module and not node.level]
-        return {name.partition(".")[0] for name in names}
-    return set()
+        return frozenset(name.partition(".")[0] for name in names)
+    return frozenset()
 
 
 def _own_files(top: str) -> list[Path]:

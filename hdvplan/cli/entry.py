@@ -10,7 +10,6 @@ import sys
 
 _COLLECTED = 300_000  # new objects from which Python looks for dead ones: 700, its own, lets it go through all imports again and again
 _OWN = ":"  # in FILE.py:NAME and MODULE:NAME, a solver or objective of one's own
-_BROKEN = 70  # the exit code for what should not happen
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
@@ -21,17 +20,18 @@ def main() -> None:
         open_streams()
         if "--json" in sys.argv:
             keep_stdout_clean()
+        gc.set_threshold(_COLLECTED)
+        from hdvplan.cli.app import run_process
+        from hdvplan.cli.console import ExitCode
+
         if any(_OWN in argument for argument in sys.argv):
             from hdvplan.process import fail_at_exit
 
-            theirs = fail_at_exit(_BROKEN)
-        gc.set_threshold(_COLLECTED)
-        from hdvplan.cli.app import run_process
-
+            theirs = fail_at_exit(ExitCode.INTERNAL)
         try:
             code = run_process()
-        except SystemExit as ended:
-            code = ended.code if isinstance(ended.code, int) else 1
+        except SystemExit as ended:  # by a signal
+            code = int(ended.code or 0)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is said and written
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)

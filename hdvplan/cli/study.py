@@ -124,8 +124,9 @@ def study(
         print_line(_summary(results, counted[1]))
         print_tables(*_ranking(results))
         print_line(f"written to {out}/")
-    for text, count in results.notes().most_common(_REASONS):
-        note(f"{_cells(count)}: {text}", quiet=quiet)
+    if not quiet:
+        for text, count in results.notes().most_common(_REASONS):
+            note(f"{_cells(count)}: {text}")
     if results.unanswered:
         why = results.reasons()
         told = [f"{count} {ending}: {reason}" for (ending, reason), count in why.most_common(_REASONS)]

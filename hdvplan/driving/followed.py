@@ -50,11 +50,9 @@ _SCATTERED = (
 
 @dataclass(frozen=True)
 class Followed:
-    """The drive along a given path, where it begins on the road, and how far the trailers come from where the path has them [rad]."""
+    """The drive along a given path, and how far the trailers come from where the path has them [rad]."""
 
     drive: Drive
-    begins: float  # [m]
-    ends: float
     apart: float | None  # None where it says nothing of them
 
 
@@ -84,9 +82,8 @@ def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: Give
         beyond, whole = vehicle.reach_ahead + vehicle.reach_behind + _ROOM_M, road.path.length
         road, feet = part_of(road, begins, ends, beyond, beyond + settings.horizon), feet - begins
         if ends - begins < whole - step:
-            words = f"the path covers s = {begins:.1f} to {ends:.1f} m of {whole:.1f} m"
-            words += "; arclengths count from its beginning" if begins > 0.0 else ""
-            road = replace(road, notes=(*road.notes, words))
+            counted = "; arclengths count from its beginning" if begins > 0.0 else ""
+            road = replace(road, notes=(*road.notes, f"the path covers s = {begins:.1f} to {ends:.1f} m of {whole:.1f} m{counted}"))
     stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=step, horizon=settings.horizon)
     keep = int(np.ceil(step / POSE_SPACING_M))
     count = keep * round(np.ceil(road.path.length / step - _APART_M))
@@ -99,7 +96,7 @@ def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: Give
         road, vehicle, settings, stations, objective(stations, vehicle), z[: count + 1 : keep], kappa[:count:keep],
         poses_s, z, kappa, (), 0.0,
     )  # fmt: skip
-    return Followed(drive, begins, begins + road.path.length, curve.apart(at, z[:, 2 : vehicle.rigid_states]))
+    return Followed(drive, curve.apart(at, z[:, 2 : vehicle.rigid_states]))
 
 
 @dataclass(frozen=True)
