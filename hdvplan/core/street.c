@@ -18,6 +18,7 @@
 #define MORE_M 1e-6     /* than rounding of a distance */
 #define IN_FRONT                                                                                                       \
     0.5 /* sine of the angle to a kerb from which on a place is on its street's side, however a body stands there */
+#define SEEN_M 0.1   /* beyond a kerb: no wall's thickness alone */
 #define SAME_M 1e-12 /* from a point to a corner of a kerb: no direction leads from one to the other */
 
 /* The nearest place of a kerb to a corner of a body. */
@@ -403,6 +404,86 @@ static void meet_sides(const struct search *in, const struct outline *on, struct
     }
 }
 
+/* The part of a piece, which leads from u, v by du, dv, that lies within an outline, as shares of it; 0 where none
+ * does.
+ */
+static int clipped(const struct outline *on, double u, double v, double du, double dv, double share[2]) {
+    const double at[2] = {u, v}, by[2] = {du, dv};
+    const double low[2] = {on->rear, -on->half_width}, high[2] = {on->front, on->half_width};
+    share[0] = 0.0;
+    share[1] = 1.0;
+    for (int axis = 0; axis < 2; axis++) {
+        double one = (low[axis] - at[axis]) / by[axis], other = (high[axis] - at[axis]) / by[axis];
+        if (by[axis] != 0.0) {
+            share[0] = larger(share[0], smaller(one, other));
+            share[1] = smaller(share[1], larger(one, other));
+        }
+    }
+    return share[0] < share[1];
+}
+
+/* How far a place is within an outline: from the side that faces the kerb, and from both ends. */
+static double within(const struct outline *on, double u, double aside) {
+    return smaller(aside, smaller(u - on->rear, on->front - u));
+}
+
+/* A piece, which leads from u, v by du, dv, against an outline that it lies in: what is furthest within counts, be it
+ * of a wall of no width. Along a piece the ways to a side and to the ends are linear: the least is largest where the
+ * part within begins or ends, or where two of them are equal. */
+static void meet_piece(
+    const struct search *in, int64_t number, const struct outline *on, double u, double v, double du, double dv,
+    struct hdv_contacts *found
+) {
+    const struct hdv_piece *piece = &in->street->pieces[number];
+    double share[2], sign = piece->left ? 1.0 : -1.0, aside = on->half_width - sign * v, by = -sign * dv;
+    if (!clipped(on, u, v, du, dv, share))
+        return;
+    const double equal[] = {
+        0.0,
+        1.0,
+        (u - on->rear - aside) / (by - du),
+        (on->front - u - aside) / (by + du),
+        (0.5 * (on->front + on->rear) - u) / du,
+    };
+    double deepest = 0.0, part = share[0];
+    for (int i = 0; i < 5; i++) {
+        double here = clamped(equal[i], share[0], share[1]), depth = within(on, u + here * du, aside + here * by);
+        if (depth > deepest) {
+            deepest = depth;
+            part = here;
+        }
+    }
+    double ahead = u + part * du, s = s_at(piece, part);
+    if (s < in->last)
+        keep(
+            &found->at[piece->left ? 0 : 1][section_of(in->unit, ahead)],
+            (struct hdv_contact){
+                -deepest, ahead, sign * on->half_width, sign * in->pose->sin, -sign * in->pose->cos, s, number
+            }
+        );
+}
+
+/* Meet an outline with all pieces that lie in it, where neither its own corners nor the kerbs' tell that it lacks much:
+ * to them a wall is as deep as half its thickness. */
+static void meet_pieces(const struct search *in, const struct outline *on, struct hdv_contacts *found) {
+    const struct hdv_pose *pose = in->pose;
+    double u[HDV_TOGETHER], v[HDV_TOGETHER];
+    for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
+        const struct hdv_block *block = &in->blocks[i];
+        const struct hdv_contact *side = found->at[block->left ? 0 : 1];
+        if (block->wheels != on->wheels || smaller(side[0].gap, side[1].gap) < -SEEN_M)
+            continue;
+        see_block(block, pose, u, v);
+        for (int64_t place = 0; place < block->count; place++) {
+            double cos = block->cos[place], sin = block->sin[place], length = block->length[place];
+            double du = length * (cos * pose->cos + sin * pose->sin), dv = length * (sin * pose->cos - cos * pose->sin);
+            if (smaller(u[place], u[place] + du) < on->front && larger(u[place], u[place] + du) > on->rear &&
+                smaller(v[place], v[place] + dv) < on->half_width && larger(v[place], v[place] + dv) > -on->half_width)
+                meet_piece(in, block->numbers[place], on, u[place], v[place], du, dv, found);
+        }
+    }
+}
+
 /* The contact of a corner at its nearest place; none where that does not lie before the last arclength that counts. */
 static struct hdv_contact corner_contact(
     const struct search *in, const struct outline *on, int64_t kerb, int corner, const struct nearest *nearest
@@ -594,6 +675,10 @@ void look_at_body(
         take_corners(&in, &wheels_of, found);
         take_overhangs(&in, &overhangs, found);
     } while (next_kerbs(&body) + next_kerbs(&wheels_of) + next_kerbs(&overhangs) > 0);
+    if (look == HDV_TO_JUDGE) {
+        meet_pieces(&in, &body, found);
+        meet_pieces(&in, &wheels_of, found);
+    }
 }
 
 /* Write the contacts of all bodies of a vehicle, (poses, count), whose lead rear axle is at arclengths s (poses,). */

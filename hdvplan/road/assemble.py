@@ -30,7 +30,7 @@ from hdvplan.road.features import (
 from hdvplan.road.leg_lines import legs_among
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.properties import with_properties
-from hdvplan.road.regions import Region
+from hdvplan.road.regions import EDGE, Kind, Region, without_spurs
 from hdvplan.texts import printable, some_of
 
 _SNAP_M = 0.01
@@ -87,12 +87,12 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     whole = unit.metres * everything if plane is None else plane.points
     placed = np.split(whole, np.cumsum([len(part) for part in parts])[:-1])
     beside = Beside(name, system, plane, choice, tuple(line.feature.geometry for line in chosen), unit.metres)
-    edges = [(edge, label_of(feature)) for feature in features for edge in beside.edges(feature)]
+    edges = [(*without_spurs(edge), label_of(feature)) for feature in features for edge in beside.edges(feature)]
     if system is None:
-        refuse_no_street(placed, None, [edge for edge, _ in edges], unit, name)
+        refuse_no_street(placed, None, [edge for edge, _, _ in edges], unit, name)
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)
     drawn = [replace(_drawn(line, list(islice(rest, len(line.parts))), name), to_lonlat=to_lonlat) for line in chosen]
-    regions: list[Region] = []
+    regions = [Region(Kind.OBSTACLE, wall, label or EDGE) for _, walls, label in edges for wall in walls]
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
     unread = () if routes else _unread_note(features, lines, chosen, name, choice, unit.metres)
@@ -102,8 +102,8 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
         drawn[0],
         points=np.concatenate([one.points for one in drawn]),
         regions=tuple(regions),
-        edges=tuple(edge for edge, _ in edges),
-        edge_names=tuple(label for _, label in edges),
+        edges=tuple(edge for edge, _, _ in edges),
+        edge_names=tuple(label for _, _, label in edges),
         notes=(*notes, *unit.notes(name, system), *unread),
         legs=tuple(RawLeg(one, backward) for one, (_, backward) in zip(drawn, legs, strict=False)),
     )

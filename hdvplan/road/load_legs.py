@@ -21,14 +21,13 @@ from hdvplan.road.legs import SAME_M, SHORTEST_M, Leg, Legs
 from hdvplan.road.line import Line, RawLeg, RawRoad, is_closed, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.passages import Line as Axis
-from hdvplan.road.regions import OPEN_M, Kind, Region, polygons_of, refuse_elsewhere
+from hdvplan.road.regions import EDGE, OPEN_M, Kind, Region, polygons_of, refuse_elsewhere
 
 LeadLine = Callable[[FloatArray, RoadOptions], FloatArray]  # of the line of the last axle (n, 2) [m], as the vehicle heads
 
 LEAD_GAP_M = 1.0  # between the end of a leg and where a line of the last axle leads the first one: such lines are a hint
 _NEAR_M = (0.1, 0.5)  # to which the last axle's lines are smoothed, if they can be
 _SMOOTHED_FIRST = f"the last axle's lines are smoothed first: without --smooth, or with {_NEAR_M[0]:g}, they may lead there"
-_EDGE = "edge"  # what one without a name is called
 _WALL_M = 0.05  # as thick is an edge that parts nothing, on its side away from the lines
 _CUT_M = 1e-3  # half the width of the gap in a wall across a line's continuation: no body passes it
 _SLIVER_M2 = 1e-3  # of parts of a place: what rounding leaves along edges is smaller
@@ -138,13 +137,13 @@ def _beyond_edges(raw: RawRoad, legs: tuple[Leg, ...], name: str) -> list[Region
     parted, found = shapely.union_all([face for one in (place, driven) for face in _parted(edges, one, lines)]), list[Region]()
     for face in polygons_of(parted):
         names = dict.fromkeys(
-            label or _EDGE for edge, label in zip(edges, raw.edge_names, strict=True) if shapely.dwithin(edge, face, SAME_M)
+            label or EDGE for edge, label in zip(edges, raw.edge_names, strict=True) if shapely.dwithin(edge, face, SAME_M)
         )
         found += [Region(Kind.OBSTACLE, part, ", ".join(names)) for part in polygons_of(_without(face, areas))]
     for edge, label in zip(edges, raw.edge_names, strict=True):
         ends = shapely.difference(shapely.intersection(edge, place), shapely.buffer(shapely.union(parted, areas), SAME_M))
         walls = [wall for part in shapely.get_parts(ends) if shapely.length(part) > SAME_M for wall in polygons_of(_thick(part, lines))]
-        found += [Region(Kind.OBSTACLE, wall, label or _EDGE) for wall in walls]
+        found += [Region(Kind.OBSTACLE, wall, label or EDGE) for wall in walls]
     return found
 
 

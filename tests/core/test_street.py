@@ -30,6 +30,15 @@ def kerbs(draw: st.DrawFn) -> FloatArray:
     return np.stack([np.append(x[inside], 40.0), np.append(y[inside], 0.0)], axis=1)
 
 
+@st.composite
+def walls(draw: st.DrawFn) -> FloatArray:
+    """Return a straight kerb of 60 m with a wall that stands into the street, up to 29 degrees from square to it, however thin."""
+    turn, long, thick = draw(st.floats(-0.5, 0.5)), draw(st.floats(0.5, 8.0)), draw(st.one_of(st.floats(1e-5, 0.3), st.just(1e-3)))
+    foot, tip = np.array([10.0, 0.0]), np.array([10.0 + long * np.sin(turn), -long * np.cos(turn)])
+    wide = np.array([thick / np.cos(turn), 0.0])
+    return np.array([[-20.0, 0.0], foot, tip, tip + wide, foot + wide, [40.0, 0.0]])
+
+
 def beyond(points: FloatArray) -> shapely.Polygon:
     """Return the area to the left of a kerb eastwards that goes on at both ends."""
     far = np.array([[points[-1, 0] + 500.0, points[-1, 1]], [points[-1, 0] + 500.0, 300.0], [points[0, 0] - 500.0, 300.0]])
@@ -60,7 +69,7 @@ def found_gaps(
     return gaps
 
 
-@given(points=kerbs(), unit=units(), pose=poses, left=either, wheels=either)
+@given(points=st.one_of(kerbs(), walls()), unit=units(), pose=poses, left=either, wheels=either)
 @few
 def test_a_body_is_as_near_to_a_kerb_or_as_deep_beyond_it_as_shapely_finds(
     points: FloatArray, unit: Unit, pose: tuple[float, float, float], left: bool, wheels: bool

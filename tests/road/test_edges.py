@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
@@ -14,6 +15,7 @@ from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import from_curvature
 from hdvplan.road.pieces import Kerb
+from hdvplan.road.regions import Kind
 from hdvplan.road.road import edge_reaches
 
 STRAIGHT = from_curvature(np.array([0.0, 100.0]), np.zeros(2))
@@ -72,6 +74,13 @@ def test_geojson_lines_that_are_called_edges_bound_the_line_that_is_not(tmp_path
     limits = load_road(tmp_path / "a.geojson").limits
     assert limits is not None
     np.testing.assert_allclose(limits.table(np.array([10.0, 90.0])), [[3.0] * 2, [-2.0] * 2] * 2, atol=1e-6)
+    spur = [[500000.0 + x, 6400000.0 + y] for x, y in ((0.0, 3.0), (50.0, 3.0), (50.0, -1.0), (50.0, 3.0), (100.0, 3.0))]
+    spurred = features[1] | {"geometry": {"type": "LineString", "coordinates": spur}}
+    text = json.dumps({"type": "FeatureCollection", "features": [features[0], spurred, features[2]], "crs": crs})
+    (tmp_path / "spur.geojson").write_text(text, encoding="utf-8")
+    (wall,) = load_road(tmp_path / "spur.geojson").regions
+    assert (wall.kind, wall.label) == (Kind.OBSTACLE, "edge")
+    assert np.ptp(shapely.get_coordinates(wall.polygon), axis=0) == pytest.approx([0.01, 3.99], abs=1e-3)
     features[0] = line(0.0, name="Street", width_m=7.0)
     (tmp_path / "b.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features, "crs": crs}), encoding="utf-8")
     with pytest.raises(RoadError, match="has widths, and edges are drawn beside it"):

@@ -16,7 +16,7 @@ from hdvplan.passing import options
 from hdvplan.planning.bias import Bias
 from hdvplan.road.passages import offsets_of
 from hdvplan.road.path import ReferencePath, from_curvature, project_many
-from hdvplan.road.regions import OPEN_M, Kind, Region, Side
+from hdvplan.road.regions import OPEN_M, SPUR_M, Kind, Region, Side, without_spurs
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 
@@ -255,3 +255,33 @@ def test_the_room_beside_an_obstacle_ends_at_the_kerb_or_at_the_next_obstacle() 
     assert options._room(road, spans, 0, Side.LEFT, {1: Side.RIGHT}) == pytest.approx(1.5, abs=1e-6)
     assert options._room(road, spans, 0, Side.RIGHT, {1: Side.RIGHT}) == pytest.approx(2.0, abs=1e-6)
     assert [passage.rooms[Side.LEFT] for passage in road.passages[1:]] == [0.0, 0.0]  # it meets the kerb, and it lies beyond it
+
+
+def test_what_an_edge_draws_out_and_back_on_itself_is_a_thin_wall() -> None:
+    edge = np.array([[-10.0, 5.0], [50.0, 5.0], [50.0, 3.0], [52.0, 1.0], [51.0, 2.0], [50.0, 3.0], [50.0, 5.0], [50.0, 5.0], [130.0, 5.0]])
+    left, walls = without_spurs(edge)
+    np.testing.assert_array_equal(left, [[-10.0, 5.0], [50.0, 5.0], [130.0, 5.0]])
+    spur = shapely.LineString([(50.0, 4.98), (50.0, 3.0), (52.0, 1.0)])
+    assert len(walls) == 1
+    assert shapely.within(spur, shapely.buffer(walls[0], 1e-9))  # rounding
+    assert shapely.area(walls[0]) == pytest.approx(shapely.length(spur) * SPUR_M, rel=0.01)  # begins a thickness beside the edge
+
+
+@pytest.mark.parametrize(
+    "edge",
+    [
+        [(-10.0, 5.0), (50.0, 5.0), (50.0, 1.0), (50.02, 1.0), (50.02, 5.0), (130.0, 5.0)],  # as thin as it is, it has a width
+        [(-10.0, 5.0), (130.0, 5.0), (-10.0, 5.0)],  # nothing but a way out and back
+        [(0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 0.0)],
+    ],
+)
+def test_an_edge_without_spurs_is_kept(edge: list[tuple[float, float]]) -> None:
+    left, walls = without_spurs(np.array(edge))
+    np.testing.assert_array_equal(left, edge)
+    assert walls == []
+
+
+def test_what_an_edge_draws_twice_along_itself_is_no_wall() -> None:
+    left, walls = without_spurs(np.array([[-10.0, 5.0], [60.0, 5.0], [40.0, 5.0], [130.0, 5.0]]))
+    np.testing.assert_array_equal(left, [[-10.0, 5.0], [40.0, 5.0], [130.0, 5.0]])
+    assert walls == []

@@ -18,6 +18,7 @@ from tests.core.twins.path import evaluate
 
 SECTIONS = core.number("HDV_SECTIONS")
 TO_PLAN, TO_JUDGE = 0, 1  # enum hdv_look
+SEEN_M = 0.1  # as in street.c
 CONTACT = core.record("hdv_contact")
 CONTACTS = np.dtype([("at", CONTACT, (2, SECTIONS)), ("near", float, 2), ("overhang", CONTACT, (2, 2))])
 _LOOK = core.function("hdv_look_many", core.POINTER, core.INT, core.POINTER, core.INT, core.INT, *[core.POINTER] * 4)
@@ -93,10 +94,24 @@ def protruding(points: FloatArray, *, left: bool) -> FloatArray:
     return np.stack([points[1:-1], behind])[:, turn > 0.0 if left else turn < 0.0]
 
 
+def furthest_within(corners: FloatArray, line: shapely.LineString, *, left: bool) -> float:
+    """Return how far a kerb reaches into a body's outline, from the side that faces it and from both ends: 0 if it does not."""
+    axis, across = (corners[1] - corners[0]) / np.hypot(*(corners[1] - corners[0])), (corners[3] - corners[0]) * (1.0 if left else -1.0)
+    across /= np.hypot(*across)
+    facing, other = (corners[[3, 2]], corners[[0, 1]]) if left else (corners[[0, 1]], corners[[3, 2]])
+    low, high = 0.0, min(np.hypot(*(facing[0] - other[0])), 0.5 * np.hypot(*(facing[1] - facing[0])))
+    while high - low > 1e-11:
+        depth = 0.5 * (low + high)
+        inner = [facing[0] + depth * (axis - across), facing[1] - depth * (axis + across), other[1] - depth * axis, other[0] + depth * axis]
+        low, high = (depth, high) if shapely.intersects(shapely.Polygon(inner), line) else (low, depth)
+    return low
+
+
 def deepest(corners: FloatArray, points: FloatArray, *, left: bool, beyond: shapely.Polygon, stands: FloatArray) -> float:
     """Return the gap between a body's outline and a kerb: of its corners, and of the kerb's protruding points beside or inside it.
 
-    ``stands`` are these, and where their bisectors lead: what is deepest behind one that a body has left behind it lies there.
+    ``stands`` are these, and where their bisectors lead: what is deepest behind one that a body has left behind it lies there. Where that
+    is no more than a wall may be thick, the gap is how far the kerb reaches into the outline.
     """
     line = shapely.LineString(points)
     gaps: list[float] = list(signed(line, beyond, corners))
@@ -114,7 +129,7 @@ def deepest(corners: FloatArray, points: FloatArray, *, left: bool, beyond: shap
                 gaps.append(apart)
             elif shapely.intersects(bisector := shapely.LineString([place, place + 1e3 * way]), sides[left]):
                 gaps += list(signed(line, beyond, shapely.get_coordinates(shapely.intersection(bisector, sides[left]))))
-    return min(gaps)
+    return min(gaps) if min(gaps) < -SEEN_M else min(*gaps, -furthest_within(corners, line, left=left) or np.inf)
 
 
 def dense(points: Sequence[tuple[float, float]]) -> Kerb:
