@@ -67,7 +67,7 @@ def half_width_of(drive: Drive, s: FloatArray, half: float) -> tuple[float, Touc
         for touch in touches.values():
             touch["gap"][(touch["s"] < 0.0) | (touch["s"] > drive.road.path.length)] = np.inf
         gap = min(float(np.min(touch["gap"])) for touch in touches.values())
-        if not _NEAR_M < abs(gap) < np.inf:
+        if abs(gap) <= _NEAR_M or gap >= half:  # beside a leg of a few metres a body may be at no kerb at all
             break
         half -= gap
     return half, touches

@@ -135,3 +135,11 @@ def test_the_list_names_manoeuvres_that_reverse(cli: Cli) -> None:  # noqa: F811
     table = cli("turn", "--list").out
     assert all(name in table for name in names)
     assert {one["name"] for one in json.loads(cli("turn", "--list", "--json").out) if one.get("reverses")} == names
+
+
+@pytest.mark.slow
+def test_legs_beside_which_a_body_is_at_no_kerb_are_planned(cli: Cli, tmp_path: Path) -> None:  # noqa: F811
+    """The least half width of a leg of 4.2 m was moved in to less than none, and `plan` refused it."""
+    cli("turn", "--vehicle", "bus", "--template", "three-point", "--no-plot", "--quiet")
+    outcome = cli("plan", str(tmp_path / "three-point.bus" / "legs.geojson"), "--vehicle", "bus", "--no-plot")
+    assert (outcome.code, outcome.out[:3]) == (1, "NO:")
