@@ -11,7 +11,7 @@ from hdvplan.bench import PICTURE
 from hdvplan.bench.suite import Suite, read_suite, suite_of
 from hdvplan.cli.bench_options import BenchFiles, BenchOptions, Decision, Report
 from hdvplan.cli.compare import DECISION, gate, hold_to, measured, told_to_programs
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, rows_json, warn, writing
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, rows_json, warn, writing
 from hdvplan.cli.help import OUTPUT
 from hdvplan.cli.settings import OptionsOf, with_settings
 
@@ -57,7 +57,7 @@ def bench(
 
     Defaults: ten shipped roads, bus and tractor-trailer, both schemes, riccati, piqp, clarabel and osqp, three rounds, limits
     0.5 m beyond the geometric half width. A cell that cannot be planned, or not rightly, is a row of the tables; the
-    run continues, and its exit code is 0.
+    run continues, and its exit code is 0, or 1 with --strict.
 
     With --against: two roads, riccati and six rounds; five fresh processes for each side, which take turns, ten if a repeat is needed,
     more where noise hides the answer.
@@ -86,6 +86,7 @@ def bench(
     from hdvplan.bench.measuring.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
     from hdvplan.bench.measuring.run import remaining, run
     from hdvplan.bench.measuring.timing import LAYOUTS, reasons_of, summary_tables
+    from hdvplan.bench.tables import OK
     from hdvplan.process import ended_by_signals
 
     if files.export_qps is not None:
@@ -145,7 +146,10 @@ def bench(
                 if warning:
                     warn(warning)
             note(f"written to {out}/")
-    return ExitCode.OK
+    failed = int((tables["timing"]["status"] != OK).sum()) if options.strict else 0
+    if failed:
+        report_error(f"{failed} of {len(tables['timing'])} cells are not ok", f"{out}/timing.csv has each one's status and message")
+    return ExitCode.BROKEN if failed else ExitCode.OK
 
 
 def _tolerances(

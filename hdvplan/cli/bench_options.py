@@ -90,6 +90,7 @@ class BenchOptions:
     extras: Annotated[str | None, Setting("With --command: install these extras of the project, too, on both sides.", "NAME,...")] = None
     counters: Annotated[Path | None, Setting("Compare iterations, sizes and envelopes with a committed baseline.", "FILE.csv")] = None
     renew: Annotated[bool, Setting("Write FILE.csv of --counters instead of comparing.")] = False
+    strict: Annotated[bool, Setting("End with exit code 1 if a cell is not ok.")] = False
 
     def check(self, files: BenchFiles, given: Mapping[str, object], decision: Decision) -> None:
         """Refuse options that contradict each other; ``given`` are those of the suite.
@@ -110,6 +111,11 @@ class BenchOptions:
             ),
             (self.extras is not None and self.command is None, "--extras needs --command", None),
             (self.renew and self.counters is None, "--renew needs --counters", None),
+            (
+                self.strict and (compared or self.counters is not None or files.export_qps is not None),
+                "--strict speaks of a benchmark's own cells: with --against, --counters and --export-qps exit codes say more",
+                "leave out --strict",
+            ),
             (
                 compared and self.counters is not None,
                 "--against compares counters with those of REV, not with a file",

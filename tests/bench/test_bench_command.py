@@ -260,6 +260,7 @@ REFUSED = [
     (("--export-qps", "qps", "--counters", "c.csv"), "so --against, --counters and --plot do not apply"),
     (("--export-qps", "qps", "--plot", "b.png"), "so --against, --counters and --plot do not apply"),
     ((*AGAINST, "--counters", "c.csv"), "not with a file"),
+    ((*AGAINST, "--strict"), "exit codes say more"),
     ((*AGAINST, "--command", "true"), "do not apply"),
     ((*AGAINST, "--roads", "nowhere"), "nowhere"),
     ((*AGAINST, "--solvers", "osqpp"), "unknown solver"),
@@ -297,6 +298,9 @@ def test_over_budget_is_a_row_and_the_run_ends_well(cli: Cli, tmp_path: Path, sh
     assert "the largest distance of e_y from the optimum: riccati at 1e-08:" in told
     assert "; piqp at 1e-08:" in told
     assert "bus, rti: no winner: no solver finished within its budget" in outcome.out
+    again = cli("bench", "--roads", short_road, *TINY, "--budget", "1e-9", "--out", "run", "--strict")
+    assert again.code == 1
+    assert "error: 4 of 4 cells are not ok\nhint: run/timing.csv has each" in again.err
 
 
 @pytest.mark.slow
