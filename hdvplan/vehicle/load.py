@@ -9,19 +9,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from hdvplan.errors import VehicleError
 from hdvplan.lengths import METRES
 from hdvplan.schema import parse_toml, read, read_text
 from hdvplan.texts import did_you_mean, printable
-from hdvplan.vehicle.model import MOST_CURVATURE, Unit, Vehicle, refused_in
+from hdvplan.vehicle.model import Unit, Vehicle, refused_in
+from hdvplan.vehicle.turns import tightest
 
 _DECIMAL_COMMA = re.compile(r"^\s*\w+\s*=\s*[+-]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
 _ACTIVE, _ACTIVELY = "active", 'steered = "active"'
 _AIM = 0.6  # of an active axle's angle to the articulation on constant curves, where a file does not say
 _LENGTH_TOLERANCE_M = 0.01
-_LARGEST_RADIUS_M = 1e6
 _LONGEST_NAME = 120  # letters
 _GROUPS = ("papers", "europe", "aashto")
 LengthUnit = Literal["m", "ft"]
@@ -165,7 +163,11 @@ def _parsed(text: str, default_name: str) -> tuple[Vehicle, _UnitTable]:
     lead = tables[0]
     steering = {key: getattr(lead, key) for key in _given(lead, ("max_curvature", "max_curvature_rate"))}
     if ways := _given(lead, _TURNING[:2]):
-        steering["max_curvature"] = _curvature(lead, ways[0], units[0], f"vehicle {name!r}, unit 1")
+        others, where = [key for key in _given(lead, _TURNING) if key != ways[0]], f"vehicle {name!r}, unit 1"
+        if others:
+            msg = f"{where}: {ways[0]} contradicts {others[0]}"
+            raise VehicleError(msg, field=ways[0], hint="give max_curvature alone: tan(front wheels' angle) / wheelbase [1/m]")
+        steering["max_curvature"] = tightest(ways[0], getattr(lead, ways[0]), units[0], where)
     vehicle = Vehicle(name, units, source=printable(str(table.source)), **steering)
     loose = next((number for number, one in enumerate(tables[:-1], start=1) if one.hitch_offset is None), None)
     if loose is not None:
@@ -181,35 +183,6 @@ def _given(table: _UnitTable, keys: Sequence[str]) -> list[str]:
 
 def _in_metres(table: _UnitTable, metres: float) -> _UnitTable:
     return replace(table, **{key: metres * getattr(table, key) for key in _given(table, _LENGTHS)})
-
-
-def _curvature(lead: _UnitTable, way: str, unit: Unit, where: str) -> float:
-    """Return the largest curvature from the least radius of the front axle's middle, or from the circle between walls."""
-    others = [key for key in _given(lead, _TURNING) if key != way]
-    if others or unit.steering_ratio > 0.0:
-        msg = f"{where}: {way} contradicts {others[0] if others else 'a steered rear axle'}"
-        raise VehicleError(msg, field=way, hint="give max_curvature alone: tan(front wheels' angle) / wheelbase [1/m]")
-    if lead.turning_circle is not None:
-        return _curvature_between_walls(lead.turning_circle, unit, where)
-    radius = lead.turning_radius or 0.0
-    least = float(np.hypot(unit.wheelbase, 1.0 / MOST_CURVATURE))
-    if not least < radius <= _LARGEST_RADIUS_M:
-        limit = f"larger than {least:.2f} m for this wheelbase" if radius <= least else f"at most {_LARGEST_RADIUS_M:g} m"
-        msg = f"{where}: turning_radius = {radius:g} m must be {limit}"
-        raise VehicleError(msg, field="turning_radius", hint="it is the least radius of the middle of the front axle")
-    return float(1.0 / (radius**2 - unit.wheelbase**2) ** 0.5)
-
-
-def _curvature_between_walls(diameter: float, unit: Unit, where: str) -> float:
-    """Return the largest curvature of the rear axle's path from the diameter of the circle that the outer front corner draws."""
-    front = unit.wheelbase + unit.front_overhang
-    inner = max(0.5 * unit.width, 1.0 / MOST_CURVATURE)  # at least: then the rear axle turns about its inner end
-    least = 2.0 * float(np.hypot(front, 0.5 * unit.width + inner))
-    if not least < diameter <= 2.0 * _LARGEST_RADIUS_M:
-        limit = f"larger than {least:.2f} m for these dimensions" if diameter <= least else f"at most {2.0 * _LARGEST_RADIUS_M:g} m"
-        msg = f"{where}: turning_circle = {diameter:g} m must be {limit}"
-        raise VehicleError(msg, field="turning_circle", hint="it is the diameter of the turning circle between walls")
-    return float(1.0 / (((0.5 * diameter) ** 2 - front**2) ** 0.5 - 0.5 * unit.width))
 
 
 def _presets() -> resources.abc.Traversable:

@@ -110,6 +110,25 @@ def test_the_turning_circle_between_walls_is_that_of_the_outer_front_corner() ->
     assert feet.max_curvature == pytest.approx(bus.max_curvature / 0.3048, rel=1e-12)
 
 
+@pytest.mark.parametrize(("ratio", "angle"), [(0.2, 0.7), (1.0, 0.7), (0.6, 0.1)])
+def test_the_turning_circle_of_a_steered_rear_axle_is_that_of_a_drive(ratio: float, angle: float) -> None:
+    text = BUS + f"steering_ratio = {ratio}\nmax_steering_angle = {angle}\n"
+    for way, size, ahead in (("turning_circle", 22.0, (-3.0, 8.5)), ("turning_radius", 11.0, (6.0,))):
+        bus = parse_vehicle(text + f"{way} = {size}", default_name="x")
+        front = np.arctan(bus.max_curvature * bus.lead.wheelbase)
+        rear = min(ratio * front, angle)
+        yaw = (np.tan(front) + np.tan(rear)) / bus.lead.wheelbase  # for each metre that the rear axle goes ahead
+        out = 1.25 if way == "turning_circle" else 0.0  # beside the axis, and away from the centre
+        drawn = max(float(np.hypot(1.0 + yaw * out, yaw * x - np.tan(rear))) / yaw for x in ahead)  # speed over yaw rate
+        assert drawn * (2.0 if way == "turning_circle" else 1.0) == pytest.approx(size, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", ["17.0", "inf", "-3.0"])
+def test_a_turning_circle_that_no_steered_rear_axle_makes_is_refused(size: str) -> None:
+    with pytest.raises(VehicleError, match="for these axles"):
+        parse_vehicle(BUS + f"steering_ratio = 0.01\nturning_circle = {size}", default_name="x")
+
+
 def test_a_decimal_comma_is_told() -> None:
     with pytest.raises(VehicleError) as caught:
         parse_vehicle(BUS + "rear_overhang = 3,4 # m", default_name="x")
