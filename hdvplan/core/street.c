@@ -463,15 +463,15 @@ static void meet_piece(
         );
 }
 
-/* Meet an outline with all pieces that lie in it, where neither its own corners nor the kerbs' tell that it lacks much:
- * to them a wall is as deep as half its thickness. */
-static void meet_pieces(const struct search *in, const struct outline *on, struct hdv_contacts *found) {
+/* Meet an outline with all pieces that lie in it, beside a side where its own corners and the kerbs' have not seen that
+ * it lacks much: to them a wall is as deep as half its thickness. */
+static void
+meet_pieces(const struct search *in, const struct outline *on, const double seen[2], struct hdv_contacts *found) {
     const struct hdv_pose *pose = in->pose;
     double u[HDV_TOGETHER], v[HDV_TOGETHER];
     for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
         const struct hdv_block *block = &in->blocks[i];
-        const struct hdv_contact *side = found->at[block->left ? 0 : 1];
-        if (block->wheels != on->wheels || smaller(side[0].gap, side[1].gap) < -SEEN_M)
+        if (block->wheels != on->wheels || seen[block->left ? 0 : 1] < -SEEN_M)
             continue;
         see_block(block, pose, u, v);
         for (int64_t place = 0; place < block->count; place++) {
@@ -676,8 +676,11 @@ void look_at_body(
         take_overhangs(&in, &overhangs, found);
     } while (next_kerbs(&body) + next_kerbs(&wheels_of) + next_kerbs(&overhangs) > 0);
     if (look == HDV_TO_JUDGE) {
-        meet_pieces(&in, &body, found);
-        meet_pieces(&in, &wheels_of, found);
+        const double seen[2] = {
+            smaller(found->at[0][0].gap, found->at[0][1].gap), smaller(found->at[1][0].gap, found->at[1][1].gap)
+        };
+        meet_pieces(&in, &body, seen, found);
+        meet_pieces(&in, &wheels_of, seen, found);
     }
 }
 

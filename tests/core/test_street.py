@@ -89,6 +89,17 @@ def test_a_body_is_as_near_to_a_kerb_or_as_deep_beyond_it_as_shapely_finds(
         assert expected <= NEAR  # whatever overlaps is found
 
 
+@pytest.mark.parametrize("left", [True, False])
+def test_a_thin_wall_is_as_deep_in_a_body_in_thousands_of_pieces_as_in_few(left: bool) -> None:
+    points = np.array([[-20.0, 2.0], [3.0, 2.0], [3.0, -2.0], [3.02, -2.0], [3.02, 2.0], [40.0, 2.0]])
+    at = np.linspace(0.0, 5.0, 5 * 400 + 1)
+    fine = np.stack([np.interp(at, np.arange(6), column) for column in points.T], axis=1)
+    for y in (0.0, -1.0):
+        few, many = (np.min(found_gaps(each, BUS.lead, (0.0, y, 0.0), TO_JUDGE, left=left)) for each in (points, fine))
+        assert few == pytest.approx(-min(y + 2.0 + 0.5 * BUS.width, BUS.width), abs=NEAR)
+        assert many == pytest.approx(few, abs=0.01)  # its points are 1 cm apart
+
+
 @given(points=kerbs(), unit=units(), pose=poses, left=either)
 @few
 def test_planning_keeps_a_body_from_a_kerb_by_its_corners_on_that_side_and_the_kerb_s_own(
