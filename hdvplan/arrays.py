@@ -11,6 +11,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 Records = NDArray[np.void]  # a structured array; every module that makes one names its columns
+_NO_LENGTH_M = 1e-6  # between points of a polyline that are one
 
 
 def chord_of(points: FloatArray) -> FloatArray:
@@ -23,6 +24,13 @@ def end_ways(points: FloatArray) -> FloatArray:
     chords = np.diff(points, axis=0)
     chords = chords[np.any(chords != 0.0, axis=1)][[0, -1]]
     return np.asarray(chords / np.hypot(*chords.T)[:, None])
+
+
+def turns_of(points: FloatArray) -> FloatArray:
+    """Return the cosine of the turn at each point of a polyline (n, 2) [m] between its ends, (n - 2,); 0 at points that repeat others."""
+    step = np.diff(points, axis=0)
+    length = np.hypot(*step.T)
+    return np.asarray(np.sum(step[1:] * step[:-1], axis=1) / np.maximum(length[1:] * length[:-1], _NO_LENGTH_M**2))
 
 
 def carried(at: FloatArray, s: FloatArray, along: FloatArray) -> FloatArray:

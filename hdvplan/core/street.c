@@ -404,86 +404,6 @@ static void meet_sides(const struct search *in, const struct outline *on, struct
     }
 }
 
-/* The part of a piece, which leads from u, v by du, dv, that lies within an outline, as shares of it; 0 where none
- * does.
- */
-static int clipped(const struct outline *on, double u, double v, double du, double dv, double share[2]) {
-    const double at[2] = {u, v}, by[2] = {du, dv};
-    const double low[2] = {on->rear, -on->half_width}, high[2] = {on->front, on->half_width};
-    share[0] = 0.0;
-    share[1] = 1.0;
-    for (int axis = 0; axis < 2; axis++) {
-        double one = (low[axis] - at[axis]) / by[axis], other = (high[axis] - at[axis]) / by[axis];
-        if (by[axis] != 0.0) {
-            share[0] = larger(share[0], smaller(one, other));
-            share[1] = smaller(share[1], larger(one, other));
-        }
-    }
-    return share[0] < share[1];
-}
-
-/* How far a place is within an outline: from the side that faces the kerb, and from both ends. */
-static double within(const struct outline *on, double u, double aside) {
-    return smaller(aside, smaller(u - on->rear, on->front - u));
-}
-
-/* A piece, which leads from u, v by du, dv, against an outline that it lies in: what is furthest within counts, be it
- * of a wall of no width. Along a piece the ways to a side and to the ends are linear: the least is largest where the
- * part within begins or ends, or where two of them are equal. */
-static void meet_piece(
-    const struct search *in, int64_t number, const struct outline *on, double u, double v, double du, double dv,
-    struct hdv_contacts *found
-) {
-    const struct hdv_piece *piece = &in->street->pieces[number];
-    double share[2], sign = piece->left ? 1.0 : -1.0, aside = on->half_width - sign * v, by = -sign * dv;
-    if (!clipped(on, u, v, du, dv, share))
-        return;
-    const double equal[] = {
-        0.0,
-        1.0,
-        (u - on->rear - aside) / (by - du),
-        (on->front - u - aside) / (by + du),
-        (0.5 * (on->front + on->rear) - u) / du,
-    };
-    double deepest = 0.0, part = share[0];
-    for (int i = 0; i < 5; i++) {
-        double here = clamped(equal[i], share[0], share[1]), depth = within(on, u + here * du, aside + here * by);
-        if (depth > deepest) {
-            deepest = depth;
-            part = here;
-        }
-    }
-    double ahead = u + part * du, s = s_at(piece, part);
-    if (s < in->last)
-        keep(
-            &found->at[piece->left ? 0 : 1][section_of(in->unit, ahead)],
-            (struct hdv_contact){
-                -deepest, ahead, sign * on->half_width, sign * in->pose->sin, -sign * in->pose->cos, s, number
-            }
-        );
-}
-
-/* Meet an outline with all pieces that lie in it, beside a side where its own corners and the kerbs' have not seen that
- * it lacks much: to them a wall is as deep as half its thickness. */
-static void
-meet_pieces(const struct search *in, const struct outline *on, const double seen[2], struct hdv_contacts *found) {
-    const struct hdv_pose *pose = in->pose;
-    double u[HDV_TOGETHER], v[HDV_TOGETHER];
-    for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
-        const struct hdv_block *block = &in->blocks[i];
-        if (block->wheels != on->wheels || seen[block->left ? 0 : 1] < -SEEN_M)
-            continue;
-        see_block(block, pose, u, v);
-        for (int64_t place = 0; place < block->count; place++) {
-            double cos = block->cos[place], sin = block->sin[place], length = block->length[place];
-            double du = length * (cos * pose->cos + sin * pose->sin), dv = length * (sin * pose->cos - cos * pose->sin);
-            if (smaller(u[place], u[place] + du) < on->front && larger(u[place], u[place] + du) > on->rear &&
-                smaller(v[place], v[place] + dv) < on->half_width && larger(v[place], v[place] + dv) > -on->half_width)
-                meet_piece(in, block->numbers[place], on, u[place], v[place], du, dv, found);
-        }
-    }
-}
-
 /* The contact of a corner at its nearest place; none where that does not lie before the last arclength that counts. */
 static struct hdv_contact corner_contact(
     const struct search *in, const struct outline *on, int64_t kerb, int corner, const struct nearest *nearest
@@ -567,17 +487,99 @@ static void range_over(struct search *in, struct stretch_of_line line) {
     in->count = beyond - first;
 }
 
+/* A piece in the axes of a body: where it begins, and how it leads on from there [m]. */
+struct seen {
+    double u, v, du, dv;
+};
+
+static struct seen seen_from(const struct hdv_pose *pose, const struct hdv_piece *piece) {
+    double x = piece->x - pose->x, y = piece->y - pose->y;
+    return (struct seen){
+        x * pose->cos + y * pose->sin,
+        y * pose->cos - x * pose->sin,
+        piece->length * (piece->cos * pose->cos + piece->sin * pose->sin),
+        piece->length * (piece->sin * pose->cos - piece->cos * pose->sin),
+    };
+}
+
 /* Whether a piece lies in a box, as far as its ends tell. */
 static int is_in(const struct hdv_piece *piece, const struct box_beside *in) {
-    const struct hdv_pose *pose = in->pose;
-    double x = piece->x - pose->x, y = piece->y - pose->y;
-    double u = x * pose->cos + y * pose->sin, v = y * pose->cos - x * pose->sin;
-    double to_u = u + piece->length * (piece->cos * pose->cos + piece->sin * pose->sin);
-    double to_v = v + piece->length * (piece->sin * pose->cos - piece->cos * pose->sin);
+    const struct seen at = seen_from(in->pose, piece);
+    double to_u = at.u + at.du, to_v = at.v + at.dv;
     return !(
-        larger(u, to_u) < in->rear || smaller(u, to_u) > in->front || larger(v, to_v) < -in->side ||
-        smaller(v, to_v) > in->side
+        larger(at.u, to_u) < in->rear || smaller(at.u, to_u) > in->front || larger(at.v, to_v) < -in->side ||
+        smaller(at.v, to_v) > in->side
     );
+}
+
+/* The part within an outline of a piece whose own box meets that, as shares of it; 0 where there is none. */
+static int clipped(const struct outline *on, const struct seen *piece, double share[2]) {
+    const double at[2] = {piece->u, piece->v}, by[2] = {piece->du, piece->dv};
+    const double low[2] = {on->rear, -on->half_width}, high[2] = {on->front, on->half_width};
+    share[0] = 0.0;
+    share[1] = 1.0;
+    for (int axis = 0; axis < 2; axis++) {
+        if (by[axis] == 0.0)
+            continue;
+        double one = (low[axis] - at[axis]) / by[axis], other = (high[axis] - at[axis]) / by[axis];
+        share[0] = larger(share[0], smaller(one, other));
+        share[1] = smaller(share[1], larger(one, other));
+    }
+    return share[0] < share[1];
+}
+
+/* How far a place is within an outline: from the side that faces the kerb, and from both ends. */
+static double within(const struct outline *on, double u, double aside) {
+    return smaller(aside, smaller(u - on->rear, on->front - u));
+}
+
+/* A piece against an outline that it may lie in: what is furthest within counts, be it of a wall of no width. Along a
+ * piece the ways to a side and to the ends are linear: the least is largest where the part within begins or ends, or
+ * where two of them are equal. */
+static void meet_piece(const struct search *in, int64_t number, const struct outline *on, struct hdv_contacts *found) {
+    const struct hdv_piece *piece = &in->street->pieces[number];
+    const struct seen at = seen_from(in->pose, piece);
+    double share[2], sign = piece->left ? 1.0 : -1.0, aside = on->half_width - sign * at.v, by = -sign * at.dv;
+    if (!clipped(on, &at, share))
+        return;
+    const double equal[] = {
+        0.0,
+        1.0,
+        (at.u - on->rear - aside) / (by - at.du),
+        (on->front - at.u - aside) / (by + at.du),
+        (0.5 * (on->front + on->rear) - at.u) / at.du,
+    };
+    double deepest = 0.0, part = share[0];
+    for (int i = 0; i < 5; i++) {
+        double here = clamped(equal[i], share[0], share[1]), depth = within(on, at.u + here * at.du, aside + here * by);
+        if (depth > deepest) {
+            deepest = depth;
+            part = here;
+        }
+    }
+    double ahead = at.u + part * at.du, s = s_at(piece, part);
+    if (s < in->last)
+        keep(
+            &found->at[piece->left ? 0 : 1][section_of(in->unit, ahead)],
+            (struct hdv_contact){
+                -deepest, ahead, sign * on->half_width, sign * in->pose->sin, -sign * in->pose->cos, s, number
+            }
+        );
+}
+
+/* Meet an outline with all pieces that lie in it, beside a side where its own corners and the kerbs' have not seen that
+ * it lacks much: to them a wall is as deep as half its thickness. */
+static void
+meet_pieces(const struct search *in, const struct outline *on, const double seen[2], struct hdv_contacts *found) {
+    const struct box_beside box = {.pose = in->pose, .rear = on->rear, .front = on->front, .side = on->half_width};
+    for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
+        const struct hdv_block *block = &in->blocks[i];
+        if (block->wheels != on->wheels || seen[block->left ? 0 : 1] < -SEEN_M)
+            continue;
+        for (int64_t place = 0; place < block->count; place++)
+            if (is_in(&in->street->pieces[block->numbers[place]], &box))
+                meet_piece(in, block->numbers[place], on, found);
+    }
 }
 
 /* List the pieces of a box beside a stretch of line, from a number on; return the number from which on there may be

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan import core
-from hdvplan.arrays import FloatArray, Records
+from hdvplan.arrays import FloatArray, Records, turns_of
 
 PIECE = core.record("hdv_piece")
 STREET = core.record("hdv_street")
@@ -17,7 +17,7 @@ _TOGETHER = core.number("HDV_TOGETHER")  # pieces of a block
 _ALONGSIDE = {name: np.dtype((np.float64, _TOGETHER)) for name in ("x", "y", "cos", "sin", "length")}
 BLOCK = core.record("hdv_block", **_ALONGSIDE, numbers=np.dtype((np.int64, _TOGETHER)))
 _SHORTEST_M = 1e-6  # two points of a kerb nearer than this are one
-_BACK = -1.0 + 1e-9  # cosine of a turn: a kerb that goes back on itself has no width there
+BACK = -1.0 + 1e-9  # cosine of a turn: a kerb that goes back on itself has no width there
 _SLIVER_M, _SHARPLY = 0.005, -0.5  # a shorter side that the kerb turns to, or from, by over 120 degrees was drawn by nobody
 _STRAIGHT = 1e-7  # [rad] of turn: less is rounding of coordinates of a thousand kilometres, and no corner
 _WALL = 0.25  # metres of line a metre, below which a piece is a wall across the street
@@ -107,11 +107,9 @@ def _pieces(kerb: Kerb) -> Records:
     order = slice(None, None, -1) if kerb.left else slice(None)
     points, s = kerb.points[order], kerb.s[order]
     for _ in range(_CLEANED):
-        step = np.diff(points, axis=0)
-        length = np.hypot(*step.T)
-        turn = np.sum(step[1:] * step[:-1], axis=1) / np.maximum(length[1:] * length[:-1], _SHORTEST_M**2)
+        length, turn = np.hypot(*np.diff(points, axis=0).T), turns_of(points)
         sliver = (turn < _SHARPLY) & (np.minimum(length[1:], length[:-1]) < _SLIVER_M)
-        back = (turn < _BACK) | sliver & ~np.append(False, sliver[:-1])  # of a sliver's two turns one goes
+        back = (turn < BACK) | sliver & ~np.append(False, sliver[:-1])  # of a sliver's two turns one goes
         kept = np.append(length > _SHORTEST_M, True) & ~np.concatenate([[False], back, [False]])
         if np.all(kept):
             break

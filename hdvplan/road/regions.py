@@ -8,16 +8,16 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, turns_of
 from hdvplan.errors import RoadError
 from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.path import ReferencePath
+from hdvplan.road.pieces import BACK
 
 OPEN_M = 20.0  # room to either side of a road that has obstacles but no widths; polygons further away do not count
 OPEN_SPACING_M = 0.5
 EDGE = "edge"  # what one without a name is called
 SPUR_M = 0.01  # as thick is a wall that is drawn without any width
-_BACK = -1.0 + 1e-9  # cosine of a turn: a line that goes back on itself
 _ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
 
 
@@ -104,20 +104,16 @@ def without_spurs(edge: FloatArray) -> tuple[FloatArray, list[shapely.Polygon]]:
     """
     points, spurs = edge, list[FloatArray]()
     while len(points) > 2:  # noqa: PLR2004 - points that make no turn
-        step = np.diff(points, axis=0)
-        length = np.hypot(*step.T)
-        turn = np.sum(step[1:] * step[:-1], axis=1) / np.maximum(length[1:] * length[:-1], np.finfo(float).tiny)
+        length, turn = np.hypot(*np.diff(points, axis=0).T), turns_of(points)
         if np.any(length == 0.0):
             points = points[np.append(True, length > 0.0)]
-        elif np.any(turn < _BACK):
-            tip = 1 + int(np.argmax(turn < _BACK))
+        elif np.any(turn < BACK):
+            tip = 1 + int(np.argmax(turn < BACK))
             spurs.append(points[[tip, tip - 1 if length[tip - 1] <= length[tip] else tip + 1]])
             points = np.delete(points, tip, axis=0)
         else:
             break
     if not spurs or not np.any(points != points[0]):
         return edge, []
-    line = shapely.LineString(points)
-    walls = shapely.difference(shapely.union_all([shapely.LineString(spur) for spur in spurs]), shapely.buffer(line, SPUR_M))
-    walls = shapely.line_merge(walls)
-    return points, polygons_of(shapely.buffer(walls, 0.5 * SPUR_M, cap_style="flat", join_style="mitre"))
+    walls = shapely.difference(shapely.union_all(shapely.linestrings(spurs)), shapely.buffer(shapely.LineString(points), SPUR_M))
+    return points, polygons_of(shapely.buffer(shapely.line_merge(walls), 0.5 * SPUR_M, cap_style="flat", join_style="mitre"))

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from hdvplan.arrays import FloatArray, carried, chord_of
+from hdvplan.arrays import FloatArray, carried, chord_of, turns_of
 from hdvplan.errors import ProjectionError, RoadError
 from hdvplan.road.checks import MIN_LENGTH_M
 from hdvplan.road.offsets import Stations, program_of, solve_offsets
@@ -131,9 +131,7 @@ def _driven_along(points: FloatArray, max_curvature: float) -> SmoothedLine | No
     """Return the path of a drive along an open line; None where the line turns back at a point, or that is tighter than it may be."""
     kept, vertex = np.unique(vertex_of(points), return_inverse=True)
     vertices = points[kept]
-    ahead = np.diff(vertices, axis=0)
-    cosine = np.sum(ahead[1:] * ahead[:-1], axis=1) / np.hypot(*ahead[1:].T) / np.hypot(*ahead[:-1].T)
-    if np.min(cosine, initial=1.0) < _BACK:
+    if np.min(turns_of(vertices), initial=1.0) < _BACK:
         return None
     for driven, along in pursued(vertices, _DRIVEN_SHARE * max_curvature):
         found = path_through(driven, _DRIVEN_EXCESS * max_curvature)

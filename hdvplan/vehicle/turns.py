@@ -58,10 +58,10 @@ def _steered(way: str, size: float, unit: Unit, where: str) -> float:
             return float(np.hypot(unit.wheelbase - ahead, aside))
         return 2.0 * float(np.hypot(max(unit.wheelbase + unit.front_overhang - ahead, unit.rear_overhang + ahead), out))
 
-    straightest, tightest = 1.0 / _LARGEST_RADIUS_M, MOST_CURVATURE
-    if not turned(tightest) < size < turned(straightest):
-        msg = f"{where}: {way} = {size:g} m must be larger than {turned(tightest):.2f} m for these axles, and below {_LARGEST_RADIUS_M:g} m"
+    least, straightest = turned(MOST_CURVATURE), 1.0 / _LARGEST_RADIUS_M
+    if not least < size < turned(straightest):
+        msg = f"{where}: {way} = {size:g} m must be larger than {least:.2f} m for these axles, and below {_LARGEST_RADIUS_M:g} m"
         raise VehicleError(msg, field=way, hint="of a steered rear axle max_curvature is tan(front wheels' angle) / wheelbase [1/m]")
     from scipy.optimize import brentq  # noqa: PLC0415 - few vehicles need it, and all commands load one
 
-    return float(brentq(lambda kappa: turned(kappa) - size, straightest, tightest))
+    return float(brentq(lambda kappa: turned(kappa) - size, straightest, MOST_CURVATURE))
