@@ -24,7 +24,11 @@ from hdvplan.version import __version__
 
 MOST_BREACHES = 20  # listed; the summary file holds all
 MOST_OBSTACLES = 20  # listed, nearest first
-_LIMITS = {("binds", "overhangs"): ("dotted", "limits of overhangs"), ("bridged", True): ("dashed", "assumed, not drawn")}
+_LIMITS = {
+    ("bridged", False): ("", "limits"),
+    ("binds", "overhangs"): ("dotted", "limits of overhangs"),
+    ("bridged", True): ("dashed", "assumed, not drawn"),
+}
 _BINS = 40
 _PLOT = (10.0, 310.0, 8.0, 120.0)  # of the histogram: left, right, top, bottom
 

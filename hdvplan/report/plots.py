@@ -136,7 +136,7 @@ def _draw_envelope(axes: Axes, result: Result, window: Window) -> None:
         label = "tight or narrow, by geometry" if number == 0 else None
         s_from, s_to = max(finding.s_from, window.s_from), min(finding.s_to, window.s_to)
         if s_from < s_to:
-            axes.axvspan(s_from, s_to, color=BREACH, alpha=0.15, linewidth=0.0, zorder=0, label=label)
+            axes.axvspan(s_from, s_to, color=BREACH, alpha=0.15, linewidth=0.0, zorder=0.5, label=label)  # over enlarged stretches
     axes.axhline(0.0, color=MUTED, linewidth=0.6)
     axes.set_ylabel("reach [m]\n(left positive)")
 

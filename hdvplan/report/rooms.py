@@ -219,9 +219,11 @@ def tightest_windows(result: Result) -> tuple[Window, ...]:
     if length <= LONG_ROAD_M:
         half = min(half, max(_OF_SHORT * length, _SHORT_HALF_M))
     labels, windows = _LABELS[: 2 if length < FEW_BELOW_M else None], []
-    for label, at in zip(labels, sorted(peaks(result.envelope.s, nearly(tightness(result)), 2.0 * half, len(labels))), strict=False):
-        room = room_at(result, at)
-        middle = min(max(room.s, half), max(length - half, half))
+    s, score = result.envelope.s, tightness(result)
+    for label, at in zip(labels, sorted(peaks(s, nearly(score), 2.0 * half, len(labels))), strict=False):
+        middle = min(max(room_at(result, at).s, half), max(length - half, half))
+        shown = np.abs(s - middle) <= half
+        room = room_at(result, int(np.argmax(np.where(shown, score, -np.inf))))  # a peak beside another one is not the tightest place there
         what = room.text if not room.broken or room.obstacle is not None else f"limit broken by {room.depth:.2f} m"
         windows.append(Window(middle - half, min(middle + half, length), label, f"{what} at s = {room.s:.0f} m", room))
     return tuple(windows)

@@ -80,6 +80,14 @@ def test_the_page_asks_for_nothing_from_outside(plan: PlanFiles) -> None:
     assert not re.search(r"https?://|@import|url\(", page)
 
 
+def test_the_legend_names_what_is_drawn_and_no_more(plan: PlanFiles) -> None:
+    open_road = replace(plan, limits=[], summary=plan.summary | {"breaches": []})
+    for one, shown in ((plan, True), (open_road, False)):
+        legend = re.findall(r'<span class="key">.*?</span>([^<]*)</span>', report_html([one], "A report"))
+        assert "balanced circle, as tight as the road" in legend  # as the picture calls it
+        assert all((name in legend) is shown for name in ("limits", "beyond a limit"))
+
+
 def test_names_from_files_cannot_become_markup(plan: PlanFiles) -> None:
     hostile = "</script><script>alert(1)</script>"
     summary = plan.summary | {"road": hostile, "notice": hostile}

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import shapely
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
@@ -108,6 +109,13 @@ def test_a_broken_limit_is_drawn_with_its_depth_on_the_map_and_over_s(kerbed: Re
     assert f"{deepest} beyond" in [text.get_text() for text in reach.texts]
     names = road.get_legend_handles_labels()[1]
     assert {"beyond a limit", "limits", "limits of overhangs"} <= set(names)
+
+
+def test_what_is_tight_by_geometry_is_seen_over_enlarged_stretches(kerbed: Result) -> None:
+    assert kerbed.fit.findings
+    (reach,) = [axes for axes in drawn(kerbed).axes if axes.get_ylabel().startswith("reach")]
+    spans = {to_hex(patch.get_facecolor()): patch.get_zorder() for patch in reach.patches}
+    assert spans[BREACH.lower()] > max(order for colour, order in spans.items() if colour != BREACH.lower())
 
 
 def test_limits_far_away_shrink_neither_map_nor_envelope(bus: Result) -> None:

@@ -14,7 +14,7 @@ from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.report.compared import answer_of
 from hdvplan.report.layers import drawn_features
-from hdvplan.report.rooms import breach_place, pose_touching, room_at, tightness
+from hdvplan.report.rooms import breach_place, pose_touching, room_at, tightest_windows, tightness
 from hdvplan.road.regions import Kind, Region
 
 
@@ -36,6 +36,16 @@ def test_the_tightest_place_has_the_verdict_s_number(name: str, straight: Result
     assert room.obstacle == ("van" if name in made else None)
     if not room.broken:
         assert np.hypot(*(room.ends[1] - room.ends[0])) == pytest.approx(-room.depth, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["trailer", "kerbed"])
+def test_what_is_enlarged_is_named_by_the_tightest_place_in_it(name: str, request: pytest.FixtureRequest) -> None:
+    result: Result = request.getfixturevalue(name)
+    score, s = tightness(result), result.envelope.s
+    for window in tightest_windows(result):
+        assert window.room is not None
+        depth = window.room.depth if window.room.limited else -window.room.depth  # without limits it is less the reach
+        assert depth == pytest.approx(np.max(score[(s >= window.s_from) & (s <= window.s_to)]))
 
 
 def test_a_comparison_of_vehicles_that_fit_has_no_negative_room(straight: Result) -> None:
