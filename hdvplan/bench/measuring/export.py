@@ -8,7 +8,7 @@
 The first two state minimise 1/2 x'Px + q'x subject to G x <= h, A x = b, lb <= x <= ub, and beside them
 
 - ``x``, ``y``, ``z``, ``z_box``: the solution with multipliers: P x + q + A'y + G'z + z_box = 0, z >= 0, z_box positive at an
-  upper bound and negative at a lower one; those of the bounds of elastic columns are left out
+  upper bound and negative at a lower one
 - ``x_start``, ...: the warm start that the planner had, empty at a cold one
 
 Where limits can be kept rows are hard there; where they cannot, every row has an elastic column. In stages every row has its slack.
@@ -174,9 +174,17 @@ def _problem(one: _Solved) -> tuple[dict[str, sp.csc_matrix], dict[str, FloatArr
     matrices = {"P": sp.csc_matrix(form.P + sp.triu(form.P, 1).T), "G": form.G, "A": form.E}
     vectors = {"q": form.q, "h": form.h, "b": form.b, "lb": form.low, "ub": form.high}
     parts = ("x", "y", "z", "z_box")
-    started = [np.empty(0)] * len(parts) if recorded.guess is None else form.flatten(recorded.guess)
-    solution = zip(parts, form.flatten(one.solution), strict=True)
+    started = [np.empty(0)] * len(parts) if recorded.guess is None else _flat(form, recorded.guess)
+    solution = zip(parts, _flat(form, one.solution), strict=True)
     return matrices, vectors | dict(solution) | {f"{part}_start": values for part, values in zip(parts, started, strict=True)}
+
+
+def _flat(form: SparseQp, point: StageSolution) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return x, y, z and z_box of a point; in stages the multipliers of sigma >= 0 follow from those of the rows."""
+    v, equality, rows, bounds = form.flatten(point)
+    slacks = form.sigma_columns.ravel()
+    bounds[slacks] = np.minimum(rows[: len(slacks)] - form.q[slacks] - form.P.diagonal()[slacks] * v[slacks], 0.0)
+    return v, equality, rows, bounds
 
 
 def _acados(directory: Path, name: str, programs: Sequence[_Solved]) -> None:
