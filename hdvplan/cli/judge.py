@@ -127,7 +127,11 @@ def judge(
     code = exit_code_of(result, tell(result, directory, as_json=output.json, quiet=quiet, loop=looped))
     if runs is None or runs.fits is not False:
         return code
-    report_error(loop_text(runs), f"loop.csv has all runs; `hdvplan judge {directory}/loop_worst.csv ...` draws the worst one")
+    drawn = f"`hdvplan judge {directory}/loop_worst.csv ...` draws the worst one"
+    report_error(
+        loop_text(runs),
+        f"loop.csv has all runs; {'loop_worst.csv is where the worst one was' if runs.results[runs.worst] is None else drawn}",
+    )
     return ExitCode.BROKEN
 
 

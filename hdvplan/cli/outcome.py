@@ -79,8 +79,7 @@ def write(
     pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
     with progress(f"writing {directory}/", quiet=quiet) as on_progress, writing(f"to {directory}"):
         write_plan(
-            result, directory, pictures=pictures, drawings=drawings, sheet=sheet, animate=animate, on_progress=on_progress,
-            more=None if loop is None else {"loop": loop},
+            result, directory, pictures=pictures, drawings=drawings, sheet=sheet, animate=animate, on_progress=on_progress, loop=loop
         )  # fmt: skip
 
 
@@ -93,11 +92,12 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool, loop: J
     if as_json:
         print_json(summary | ({} if loop is None else {"loop": loop}))
     elif not quiet:
-        print_line(verdict_line(result, verdict))
         details = [verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
-        print_line("; ".join(text for text in details if text))
+        lines = [verdict_line(result, verdict), "; ".join(text for text in details if text)]
         if loop is not None:
-            print_line(loop["text"])
+            lines.insert(0 if loop["fits"] is False else len(lines), loop["text"])  # what does not hold is read first
+        for line in lines:
+            print_line(line)
     if result.planned and _is_near(verdict):
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     warn_of_sides(summary, quiet=quiet)

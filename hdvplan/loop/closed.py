@@ -123,6 +123,11 @@ class ClosedLoop:
         return False if False in fits else None if None in fits else True
 
     @property
+    def kept(self) -> int:
+        """How many runs keep the street."""
+        return sum(verdict is not None and verdict.fits is not False for verdict in self.verdicts)
+
+    @property
     def worst(self) -> int:
         """The run with the least room to spare; without limits that with the largest error."""
 
@@ -135,35 +140,36 @@ class ClosedLoop:
 
     @property
     def frame(self) -> pd.DataFrame:
-        """A row for each run: its gain, its error and tracking length [m], whether it fits, the room it leaves, and where that is least."""
+        """A row for each run: gain, error and tracking length [m], whether it fits, the least room and where, whether it lost the path."""
         gains, rows = self.settings.gains, []
         for run, verdict in enumerate(self.verdicts):
             fits, *place = (False, None, None, None) if verdict is None else (verdict.fits, verdict.spare, verdict.s, verdict.side)
-            rows.append((run + 1, gains[run], self.driven.error(run), self.driven.length(run), fits, *place))
-        return pd.DataFrame(rows, columns=["run", "gain", "error_m", "length_m", "fits", "spare_m", "s_m", "side"])
+            rows.append((run + 1, gains[run], self.driven.error(run), self.driven.length(run), fits, *place, self.driven.lost[run]))
+        return pd.DataFrame(rows, columns=["run", "gain", "error_m", "length_m", "fits", "spare_m", "s_m", "side", "lost"])
 
 
 def loop_text(loop: ClosedLoop) -> str:
     """Return the answer in one sentence: how many runs keep the street, what the worst one leaves and where, and how far they stray."""
-    runs, driven, worst = len(loop.results), loop.driven, loop.worst
-    verdict, errors = loop.verdicts[worst], [driven.error(run) for run in range(runs)]
-    strays = f"the front axle strays by {np.median(errors):.2f} m in the median run, by {max(errors):.2f} m at most"
+    runs, driven, worst, verdict = len(loop.results), loop.driven, loop.worst, loop.verdicts[loop.worst]
+    errors = [driven.error(run) for run in range(runs) if not driven.lost[run]]
+    strays = f"the front axle strays by {np.median(errors):.2f} m in the median run, by {max(errors):.2f} m at most" if errors else ""
+    losing = f"{sum(driven.lost)} lose the path: they were {_LOST_M:.0f} m beside it or turned by 90 degrees" if any(driven.lost) else ""
     if loop.fits is None:
         return f"in a closed loop, {runs} runs: {strays}"
-    kept = sum(verdict is not None and verdict.fits is not False for verdict in loop.verdicts)
-    if verdict is None or verdict.spare is None:
-        return f"in a closed loop {kept} of {runs} runs keep the street; run {worst + 1} loses the path; {strays}"
-    room = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.fits else 'lacking'}"
-    where = f"{verdict.side}, s = {verdict.s:.1f} m"
-    return f"in a closed loop {kept} of {runs} runs keep the street; run {worst + 1} is the worst, {room} ({where}); {strays}"
+    found = f"in a closed loop {loop.kept} of {runs} runs keep the street"
+    if verdict is not None and verdict.spare is not None:
+        room = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.fits else 'lacking'}"
+        found = f"{found}; run {worst + 1} is the worst, {room} ({verdict.side}, s = {verdict.s:.1f} m)"
+    elif not driven.lost[worst]:
+        found = f"{found}; run {worst + 1} cannot be judged: it leaves the road"
+    return "; ".join(filter(None, (found, losing, strays)))
 
 
 def loop_json(loop: ClosedLoop) -> dict[str, object]:
     """Return the answer, begun by its word where there are limits, and the worst run, under the names that other programs read."""
     text, worst = loop_text(loop), loop.frame.astype(object).where(loop.frame.notna(), None).iloc[loop.worst].to_dict()
     told = text if loop.fits is None else worded(word_of(loop.fits), text)
-    kept = sum(verdict is not None and verdict.fits is True for verdict in loop.verdicts)
-    return {"text": told, "fits": loop.fits, "runs": len(loop.results), "kept": None if loop.fits is None else kept, "worst": worst}
+    return {"text": told, "fits": loop.fits, "runs": len(loop.results), "kept": None if loop.fits is None else loop.kept, "worst": worst}
 
 
 def closed_loop(result: Result, follower: str | Follower = "driver", settings: LoopSettings | None = None) -> ClosedLoop:

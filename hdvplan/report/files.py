@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from hdvplan.answers import NO, without_word
 from hdvplan.arrays import FloatArray
 from hdvplan.columns import Column, table_bytes
 from hdvplan.fileio import Together, json_bytes
@@ -47,7 +48,7 @@ def write_plan(
     sheet: SheetOptions | None = None,
     animate: bool = False,
     on_progress: Callable[[float], None] | None = None,
-    more: Json | None = None,
+    loop: Json | None = None,
 ) -> None:
     """Write all files of a plan into ``directory``, which is created if necessary.
 
@@ -55,13 +56,14 @@ def write_plan(
 
     ``pictures`` are the formats of the picture, of ``PICTURES``, ``drawings`` those of layers in the road's coordinate system, of
     ``DRAWINGS``; ``sheet`` adds a drawing to scale, ``animate`` a film of the drive. ``on_progress`` receives the
-    written share, 0 to 1. ``more`` are entries of ``summary.json`` beside its own.
+    written share, 0 to 1. ``loop``: what a closed loop along the plan gave, which ``summary.json`` and the pictures' titles tell, too.
 
     Raises:
         OptionError: the sheet has no room for the vehicle at this scale, or the folder has files that hdvplan did not write.
         OSError: the folder or a file cannot be written.
 
     """
+    fails = without_word(str(loop["text"]), NO).partition(";")[0] if loop is not None and loop["fits"] is False else ""
     contents: dict[str, Callable[[], bytes]] = {
         **{name: partial(_table, table_of, result) for name, table_of in TABLES.items()},
         REGIONS: lambda: json_bytes(regions_json(result.drive.road.regions), indent=None),
@@ -69,12 +71,12 @@ def write_plan(
         SWEPT: lambda: json_bytes(swept_geojson(result), indent=None),
         NAME: lambda: json_bytes(record_of([result.case])),
     }
-    contents |= {f"plan.{kind}": partial(drawn_bytes, result, kind) for kind in (*pictures, *drawings)}
+    contents |= {f"plan.{kind}": partial(drawn_bytes, result, kind, fails) for kind in (*pictures, *drawings)}
     if sheet is not None:
         contents[SHEET] = partial(_sheet, result, sheet)
     if animate:
         contents[FILM] = partial(_film, result)
-    contents[FILES.last] = lambda: json_bytes(summary_of(result) | (more or {}))
+    contents[FILES.last] = lambda: json_bytes(summary_of(result) | ({} if loop is None else {"loop": loop}))
     FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
 
 
@@ -207,15 +209,16 @@ def drawing_bytes(result: Result, kind: str, features: Sequence[Drawn], answer: 
     return dxf_bytes(features, drawing_system(driven), notes, driven.notice)
 
 
-def drawn_bytes(result: Result, kind: str) -> bytes:
-    """Return a plan as a file of one of ``PICTURES`` or ``DRAWINGS``."""
+def drawn_bytes(result: Result, kind: str, fails: str = "") -> bytes:
+    """Return a plan as a file of one of ``PICTURES`` or ``DRAWINGS``; ``fails``: see ``plan_figure``."""
     if kind in DRAWINGS:
         verdict = verdict_of(result)
-        return drawing_bytes(result, kind, drawn_features(result), [verdict_line(result, verdict), verdict_details(result, verdict)])
+        answer = [verdict_line(result, verdict), verdict_details(result, verdict), *filter(None, [fails])]
+        return drawing_bytes(result, kind, drawn_features(result), answer)
     from hdvplan.report.plots import plan_figure  # noqa: PLC0415 - as above
     from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
-    return figure_bytes(plan_figure(result), kind)
+    return figure_bytes(plan_figure(result, fails), kind)
 
 
 def _film(result: Result) -> bytes:

@@ -27,8 +27,11 @@ _FAR = 2.0  # limits this many reaches away would flatten the envelope
 
 
 @styled()
-def plan_figure(result: Result) -> Figure:
-    """Return the figure of a plan: map, or overview with enlargements; beside it envelope, curvature, articulation, times."""
+def plan_figure(result: Result, fails: str = "") -> Figure:
+    """Return the figure of a plan: map, or overview with enlargements; beside it envelope, curvature, articulation.
+
+    ``fails`` ends the title: what does not hold, whatever the verdict.
+    """
     drive, verdict = result.drive, verdict_of(result)
     length = drive.road.path.length
     windows = tightest_windows(result)
@@ -39,7 +42,8 @@ def plan_figure(result: Result) -> Figure:
         _draw_long_profiles(profiles, result, windows)
     else:
         _draw_profiles(profiles, result, windows)
-    title, colour = verdict_title(result, verdict), answer_colour(fits=verdict.holds)
+    title = f"{verdict_title(result, verdict)}{fails and '; '}{fails}"
+    colour = answer_colour(fits=False if fails else verdict.holds)
     write_head(figure, title, colour, size="x-large", notice=drive.road.notice)
     figure.text(0.99, 0.008, result.origin, ha="right", va="bottom", fontsize="x-small", color=MUTED)
     return figure

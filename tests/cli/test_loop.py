@@ -29,15 +29,30 @@ def test_a_street_that_a_path_keeps_and_its_driver_does_not_is_exit_code_1_and_t
     arguments = (short_road, *ROAD[1:], "--half-width", "1.8")
     judged = cli("judge", "plan/path.csv", *arguments, "--loop", "pure-pursuit", "--runs", "2", "--noise", "3", "--out", "judged")
     assert judged.code == 1
-    assert [line.partition(":")[0] for line in judged.out.splitlines()[:3:2]] == ["YES", "NO"]
+    assert [line.partition(":")[0] for line in judged.out.splitlines()[:2]] == ["NO", "YES"]  # what does not hold is read first
     looped = json.loads(Path("judged/summary.json").read_text(encoding="utf-8"))["loop"]
-    assert (looped["fits"], looped["runs"], looped["text"]) == (False, 6, judged.out.splitlines()[2])
+    assert (looped["fits"], looped["runs"], looped["text"]) == (False, 6, judged.out.splitlines()[0])
     assert json.loads(cli("judge", "plan/path.csv", *arguments, "--loop", "driver", "--runs", "1", "--json").out)["loop"]["runs"] == 3
     assert re.search(r"error: in a closed loop \d of 6 runs keep the street; run \d is the worst, 0\.\d\d m lacking", judged.err)
     worst = cli("judge", "judged/loop_worst.csv", *arguments, "--json", "--out", "worst")
     least = pd.read_csv("judged/loop.csv")["spare_m"].min()
     assert looped["worst"]["spare_m"] == pytest.approx(least, abs=1e-6)  # rounded in the table
     assert f'"min_clearance_m": {least:.4f}'[:-2] in worst.out
+
+
+def test_runs_that_lose_the_path_are_told_as_such_and_in_the_picture(cli: Cli, short_road: str) -> None:
+    assert cli("plan", *ROAD, "--half-width", "3", "--out", "plan").code == 0
+    Path("me.py").write_text("def steer(track, seen):\n    return 5.0 * seen.offset\n", encoding="utf-8")
+    own = ("--half-width", "3", "--loop", "me.py:steer", "--runs", "1", "--out", "judged", "--format", "svg")
+    judged = cli("judge", "plan/path.csv", short_road, "--vehicle", "bus", *own)
+    assert judged.code == 1
+    assert judged.out.startswith(
+        "NO: in a closed loop 0 of 3 runs keep the street; 3 lose the path: they were 10 m beside it or turned by 90"
+    )
+    assert "strays by" not in judged.err  # how far they went is where they were stopped
+    assert judged.err.endswith("hint: loop.csv has all runs; loop_worst.csv is where the worst one was\n")
+    assert list(pd.read_csv("judged/loop.csv")["lost"]) == [True] * 3
+    assert "in a closed loop 0 of 3 runs keep the street" in Path("judged/plan.svg").read_text(encoding="utf-8")
 
 
 def test_what_a_follower_of_one_s_own_does_wrong_names_it_once(cli: Cli, short_road: str) -> None:
