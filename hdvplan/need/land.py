@@ -23,7 +23,7 @@ from hdvplan.road.road import Road
 from hdvplan.road.street import Street
 
 _SHARP = 0.3  # turn of a kerb that is a corner [rad]
-_FAR_M = 3.0  # of the land beside a kerb that is looked at: further is no street
+_FAR_M = (3.0, 6.0, 12.0, 24.0)  # of the land beside a kerb that is looked at: no more of it than what is swept there
 _BESIDE_M = 10.0  # of kerb before and after what is swept beyond it: it ends sooner where a kerb's corner is cut
 _ASKEW_M = 5.0  # that a body askew reaches a place sooner or later than its length says
 _CUT_M = 0.1  # of a ring of kerb that is moved all around: it begins and ends somewhere
@@ -96,8 +96,7 @@ def around(result: Result, sides: Sequence[str], aside: float = 0.0) -> tuple[tu
     for kerb in street.kerbs:
         side, region = side_of(kerb), "drivable" if kerb.wheels or not street.two_regions else "sweepable"
         stretches = _stretches(result.balance.touches[side, region], clearance, street) if side in sides else []
-        strips = [_strips(street, kerb, stretch) for stretch in stretches]
-        parts = [[_around(result.drive, strip, clearance + aside) for strip in of_stretch] for of_stretch in strips]
+        parts = [_beside(result.drive, kerb, stretch, clearance + aside) for stretch in stretches]
         kerbs.append(street.replaced(kerb, [part for of_stretch in parts for part, _ in of_stretch]) if parts else kerb)
         whole = [patch for of_stretch in parts for patch in _joined([found for _, found in of_stretch])]
         patches += [replace(patch, side=side, region=region) for patch in whole]
@@ -131,7 +130,18 @@ class _Strip(NamedTuple):
     land: BaseGeometry
 
 
-def _strips(street: Street, kerb: Kerb, stretch: tuple[float, float]) -> list[_Strip]:
+def _beside(drive: Drive, kerb: Kerb, stretch: tuple[float, float], aside: float) -> list[tuple[Kerb, list[Patch]]]:
+    """Return the parts of a kerb beside a stretch that are moved out around what is swept beyond them, and the areas between."""
+    street = drive.road.bounds
+    assert street is not None  # noqa: S101 - for the type checker: the road has limits
+    for far in _FAR_M:
+        parts = [_around(drive, strip, aside) for strip in _strips(street, kerb, stretch, far)]
+        if all(patch.depth < far - KEPT_M for _, found in parts for patch in found):
+            break
+    return parts
+
+
+def _strips(street: Street, kerb: Kerb, stretch: tuple[float, float], width: float) -> list[_Strip]:
     """Return the land behind a kerb beside a stretch, in parts where the kerb goes round: what is swept in another round does not count."""
     around_all = street.closed and stretch[1] - stretch[0] >= street.length
     part = street.part(kerb, stretch[0], stretch[1] - (_CUT_M if around_all else 0.0))
@@ -139,8 +149,8 @@ def _strips(street: Street, kerb: Kerb, stretch: tuple[float, float]) -> list[_S
     count = int(np.ceil(turn / _PART)) if turn > _ROUND else 1
     if count > 1 and length > count * _BESIDE_M:
         cuts = np.linspace(*stretch, count + 1).tolist()
-        return [strip for one in itertools.pairwise(cuts) for strip in _strips(street, kerb, one)]
-    far = np.concatenate([one.points for one in _moved(part, _FAR_M, closed=False)])
+        return [strip for one in itertools.pairwise(cuts) for strip in _strips(street, kerb, one, width)]
+    far = np.concatenate([one.points for one in _moved(part, width, closed=False)])
     return [_Strip(stretch, part, far, shapely.make_valid(shapely.Polygon(np.concatenate([part.points, far[::-1]]))))]
 
 

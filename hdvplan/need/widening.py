@@ -7,7 +7,7 @@ same for one side's kerbs alone; within a part of its widening, plans need less 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -81,14 +81,15 @@ def least_widenings(
     if fitting is not None:
         return Widenings(None, None, fitting)
     ways = [tuple(sides), *((side,) for side in sides if len(sides) > 1)]  # where one side's kerbs stay it may be less area
-    found: list[Widening] = []
+    kept: list[Widening | None] = []
     for number, way in enumerate(ways):
         question = Question(partial(moved, road, way), way, TOLERANCE_M, (1.0, 4.0, WIDE_M))
         enough = _enough(case, question, plans, part_of(on_progress, number / len(ways), (number + 1) / len(ways)))
         if enough:
-            found.append(_kept(case, way, _smallest(case, question, (*enough[:1], *enough[1:][-_LAST:]))))
+            kept.append(_kept(case, way, _smallest(case, question, (*enough[:1], *enough[1:][-_LAST:]))))
         if enough and number == 0:
-            found.append(_kept(case, way, min(enough, key=lambda plan: question.needed(plan, 0.0))))
+            kept.append(_kept(case, way, min(enough, key=lambda plan: question.needed(plan, 0.0))))
+    found = [one for one in kept if one is not None]
     if not found:
         return Widenings(None, None, None)
     return Widenings(min(found, key=lambda one: one.area), min(found, key=lambda one: one.depth), None)
@@ -114,23 +115,25 @@ def _smallest(case: Case, question: Question, plans: Sequence[Result]) -> Result
     return best
 
 
-def _kept(case: Case, sides: Sequence[str], plan: Result) -> Widening:
-    """Return the widening that a plan needs, with as much room around as it takes to find a plan within it, then without the rest."""
-    found: Widening | None = None
-    for aside in _ASIDE_M:
-        found = found or _found(case, around(plan, sides, aside))
-    if found is None:
-        return Widening(around(plan, sides)[1], plan)
-    return _found(case, around(found.result, sides)) or found
+def _kept(case: Case, sides: Sequence[str], plan: Result) -> Widening | None:
+    """Return the widening that a plan needs, with as much room around as it takes to find a plan within it, then without the rest.
 
-
-def _found(case: Case, wider: tuple[tuple[Kerb, ...], tuple[Patch, ...]]) -> Widening | None:
-    """Return a widening with a plan that is found within it; None where none is."""
-    kerbs, patches = wider
-    for plan in _plans(case, kerbs):
-        if verdict_of(on_road(plan, on_kerbs(case.road, kerbs))).fits:
-            return Widening(patches, plan)
+    Where none is found it is the one within which ``plan`` itself, made for another street, fits; None where it does not.
+    """
+    for again in (True, False):
+        for aside in _ASIDE_M:
+            kerbs, patches = around(plan, sides, aside)
+            found = _fitting(case, kerbs, patches, _plans(case, kerbs) if again else (plan,))
+            if found is not None:
+                kerbs, patches = around(found.result, sides)
+                return _fitting(case, kerbs, patches, _plans(case, kerbs)) or found
     return None
+
+
+def _fitting(case: Case, kerbs: tuple[Kerb, ...], patches: tuple[Patch, ...], plans: Iterable[Result]) -> Widening | None:
+    """Return a widening with the first of ``plans`` that fits within it; None where none does."""
+    street = on_kerbs(case.road, kerbs)
+    return next((Widening(patches, plan) for plan in plans if verdict_of(on_road(plan, street)).fits), None)
 
 
 def _plans(case: Case, kerbs: tuple[Kerb, ...]) -> Iterator[Result]:

@@ -119,6 +119,24 @@ def test_a_kerb_that_must_not_move_leaves_an_area_on_the_other_side(held: str, s
     assert need.room.room > 2.8
 
 
+def test_kerbs_move_as_far_as_a_vehicle_sweeps_beyond_them() -> None:
+    case = case_on([0.0, 120.0], [0.0, 0.0])
+    wall = Region(Kind.OBSTACLE, shapely.box(55.0, -20.0, 65.0, 6.0), "wall")
+    beside = plan(replace(case, road=replace(case.road, regions=(wall,))))
+    own = case.road.with_limits(3.0, 3.0)
+    kerbs, patches = around(on_road(beside, own), BOTH)
+    assert max(patch.depth for patch in patches) > 6.0 + BUS.units[0].width - 3.0 - 0.01
+    assert verdict_of(on_road(beside, on_kerbs(own, kerbs))).fits is True
+
+
+def test_a_widening_is_none_where_neither_the_plan_nor_another_fits_within_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = case_on([0.0, 60.0], [0.0, 0.0])
+    narrow = replace(case, road=case.road.with_limits(1.2, 1.2))
+    monkeypatch.setattr("hdvplan.need.widening.around", lambda result, *_: (kerbs_on(result.drive.road, "left"), ()))
+    monkeypatch.setattr("hdvplan.need.widening.on_kerbs", lambda road, _: road)  # nothing moves
+    assert least_widenings(narrow, own_plans(narrow)) == Widenings(None, None, None)
+
+
 def test_no_widening_helps_where_an_obstacle_blocks_the_road() -> None:
     case = case_on([0.0, 100.0], [0.0, 0.0])
     wall = Region(Kind.OBSTACLE, shapely.box(50.0, -60.0, 50.5, 60.0), "wall")
