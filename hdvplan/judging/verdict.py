@@ -287,7 +287,7 @@ def _wheels(result: Result, verdict: Verdict) -> str:
         return ""
     if verdict.wheels_spare >= -KEPT_M:
         return "only overhangs pass over it, the wheels keep it"
-    return f"wheels leave the {'drivable area' if result.two_regions else 'road'} by {-verdict.wheels_spare:.2f} m"
+    return f"wheels, or sides between axles, leave the {'drivable area' if result.two_regions else 'road'} by {-verdict.wheels_spare:.2f} m"
 
 
 def _hit(result: Result, verdict: Verdict) -> str:

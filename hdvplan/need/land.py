@@ -24,7 +24,7 @@ from hdvplan.road.street import Street
 
 _SHARP = 0.3  # turn of a kerb that is a corner [rad]
 _FAR_M = (3.0, 6.0, 12.0, 24.0)  # of the land beside a kerb that is looked at: no more of it than what is swept there
-_BESIDE_M = 10.0  # of kerb before and after what is swept beyond it: it ends sooner where a kerb's corner is cut
+_BESIDE_M = 10.0  # of kerb before and after the places where a body is furthest beyond it; a longer body may reach over its length
 _ASKEW_M = 5.0  # that a body askew reaches a place sooner or later than its length says
 _CUT_M = 0.1  # of a ring of kerb that is moved all around: it begins and ends somewhere
 _SEAM_M = 1e-4  # between an area and its kerb: what rounding leaves of land there is none
@@ -93,9 +93,10 @@ def around(result: Result, sides: Sequence[str], aside: float = 0.0) -> tuple[tu
     street, kerbs, patches = result.drive.road.bounds, [], []
     assert street is not None  # noqa: S101 - for the type checker: the road has limits
     clearance = result.case.settings.clearance
+    beside = max(_BESIDE_M, *(unit.front + unit.rear_overhang for unit in result.case.vehicle.units))
     for kerb in street.kerbs:
         side, region = side_of(kerb), "drivable" if kerb.wheels or not street.two_regions else "sweepable"
-        stretches = _stretches(result.balance.touches[side, region], clearance, street) if side in sides else []
+        stretches = _stretches(result.balance.touches[side, region], clearance, street, beside) if side in sides else []
         parts = [_beside(result.drive, kerb, stretch, clearance + aside) for stretch in stretches]
         kerbs.append(street.replaced(kerb, [part for of_stretch in parts for part, _ in of_stretch]) if parts else kerb)
         whole = [patch for of_stretch in parts for patch in _joined([found for _, found in of_stretch])]
@@ -103,15 +104,15 @@ def around(result: Result, sides: Sequence[str], aside: float = 0.0) -> tuple[tu
     return tuple(kerbs), tuple(sorted(patches, key=lambda patch: (patch.s_from, patch.side)))
 
 
-def _stretches(touches: Records, clearance: float, street: Street) -> list[tuple[float, float]]:
-    """Return the stretches of a kerb, beside which bodies are beyond it by more than counts as kept, with some before and after."""
+def _stretches(touches: Records, clearance: float, street: Street, beside: float) -> list[tuple[float, float]]:
+    """Return the stretches of a kerb that bodies are beyond by more than counts as kept, with as much as is ``beside`` them [m]."""
     gap = touches["gap"] - clearance
     found: list[tuple[float, float, float]] = []  # from, to, deepest
     for s, lacking in sorted(zip(touches["s"][gap < 0.0].tolist(), (-gap[gap < 0.0]).tolist(), strict=True)):
-        if found and s - _BESIDE_M < found[-1][1]:
-            found[-1] = found[-1][0], s + _BESIDE_M, max(found[-1][2], lacking)
+        if found and s - beside < found[-1][1]:
+            found[-1] = found[-1][0], s + beside, max(found[-1][2], lacking)
         else:
-            found.append((s - _BESIDE_M, s + _BESIDE_M, lacking))
+            found.append((s - beside, s + beside, lacking))
     if street.closed and len(found) > 1 and found[-1][1] - street.length > found[0][0]:  # over the start
         last = found.pop()
         found[0] = last[0] - street.length, found[0][1], max(found[0][2], last[2])

@@ -16,7 +16,7 @@ from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import place_text, proof_text, tracking_line
 from hdvplan.need.answer import Bound, Need, Place
 from hdvplan.need.land import Patch
-from hdvplan.need.search import TOLERANCE_M, WIDE_M, Least, on_road
+from hdvplan.need.search import TOLERANCE_M, WIDE_M, on_road
 from hdvplan.need.widening import Widening, Widenings
 from hdvplan.record import NAME, record_of
 from hdvplan.report.colours import BREACH
@@ -47,7 +47,7 @@ def need_lines(need: Need) -> list[str]:
         needed = f"{need.room.room:.2f} m {where} for the {vehicle}{kept}{_instead(need)}"
         lines.append(worded(NEEDS, f"{needed}: decided {_place_text(need, need.place)}"))
     elif need.side is None:
-        lines.append(worded(NO, f"no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need.room)}"))
+        lines.append(worded(NO, f"no plan was found for the {vehicle} at any half width up to {WIDE_M:.0f} m{kept}{_why(need)}"))
     else:
         lines.append(_held_line(need, vehicle))
     if need.bound is not None:
@@ -82,7 +82,7 @@ def _widening_line(need: Need, widenings: Widenings) -> str:
         return worded(YES, f"the {vehicle} fits within {need.asked}{kept}; {tracking_line(widenings.fitting)}")
     lacking = worded(NO, f"the {vehicle} does not fit{kept}")
     if widenings.area is None or widenings.depth is None:
-        return f"{lacking}, and no widening of {need.asked} was found that would do{_why(need.room)}"
+        return f"{lacking}, and no widening of {need.asked} was found that would do{_why(need)}"
     area, depth = widenings.area, widenings.depth
     least = f"widening the road by {_area_text(area.area)} would do, {area.depth:.2f} m at the deepest{included}"
     other = "" if area.area == depth.area else f", or {_area_text(depth.area)} nowhere deeper than {depth.depth:.2f} m"
@@ -94,11 +94,16 @@ def _area_text(area: float) -> str:
     return f"{area:.{1 if area >= 1.0 else 2}f} m2"
 
 
-def _why(room: Least) -> str:
+def _why(need: Need) -> str:
     """Return what prevents every plan, as far as it is known; nothing where a plan was found."""
-    if room.result is None and room.blocked is not None:
+    room = need.room
+    if room.result is not None:
+        return ""
+    if room.blocked is not None:
         return f": {called(room.blocked.obstacle.label)} is in the way at s = {room.blocked.s:.1f} m"
-    return f" ({room.failure})" if room.result is None and room.failure is not None else ""
+    swept = any(region.kind is Kind.SWEEPABLE for region in need.case.road.regions)
+    kept = "; wheels keep off sweepable areas, however wide the road is" if swept else ""
+    return (f" ({room.failure})" if room.failure is not None else "") + kept
 
 
 def _place_text(need: Need, place: Place) -> str:
@@ -132,12 +137,7 @@ def need_json(need: Need, seconds: float) -> Json:
         "plans": need.room.plans,
         "fits": fits,
         "widening_m2": 0.0 if fits else None if area is None else area.area,
-        "widening": None
-        if widened is None
-        else {
-            name: None if widening is None else _widening_json(widening)
-            for name, widening in (("least_area", widened.area), ("least_depth", widened.depth))
-        },
+        "widening": None if widened is None else {f"least_{kind}": _widening_json(getattr(widened, kind)) for kind in _WIDENINGS},
         "time_s": seconds,
         "notice": case.road.notice,
         "version": __version__,
@@ -152,15 +152,12 @@ def _place_json(place: Place | None, vehicle: Vehicle) -> Json:
     return {**where, "side": place.side, "unit": body_name(vehicle, place.unit), "part": place.part}
 
 
-def _widening_json(widening: Widening) -> Json:
-    return {
-        "area_m2": widening.area,
-        "depth_m": widening.depth,
-        "fits_then": True,
-        "objective": widening.result.objective,
-        "scheme": str(widening.result.case.settings.scheme),
-        "places": [patch_json(patch) for patch in widening.patches],
-    }
+def _widening_json(widening: Widening | None) -> Json | None:
+    if widening is None:
+        return None
+    result, places = widening.result, [patch_json(patch) for patch in widening.patches]
+    planned = {"objective": result.objective, "scheme": str(result.case.settings.scheme)}
+    return {"area_m2": widening.area, "depth_m": widening.depth, "fits_then": True, **planned, "places": places}
 
 
 def patch_json(patch: Patch) -> Json:

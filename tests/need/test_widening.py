@@ -9,7 +9,7 @@ import shapely
 from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import PlanError
-from hdvplan.judging.bodies import united
+from hdvplan.judging.bodies import corners, united
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, edge_need_of, need_of
@@ -22,6 +22,7 @@ from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
+from hdvplan.vehicle.load import load_vehicle
 from tests.need.test_room import BUS, bend_of_16_m, case_on, corner, least_in_the_bend
 
 LACK_M = 0.25
@@ -129,6 +130,23 @@ def test_kerbs_move_as_far_as_a_vehicle_sweeps_beyond_them() -> None:
     assert verdict_of(on_road(beside, on_kerbs(own, kerbs))).fits is True
 
 
+def test_land_is_told_as_far_as_a_long_body_reaches_over_it() -> None:
+    semi = load_vehicle("tractor-semitrailer")
+    girder = replace(semi.units[1], wheelbase=38.0, rear_overhang=14.0, steering_ratio=1.0, max_steering_angle=0.78)
+    case = case_on([0.0, 90.0, 98.0, 129.0, 137.0, 260.0], [0.0, 0.0, 1.0 / 30.0, 1.0 / 30.0, 0.0, 0.0])
+    free = plan(replace(case, vehicle=replace(semi, units=(semi.units[0], girder)), objective="lead-axle"))
+    own = free.case.road.with_limits(2.5, 30.0)
+    _, patches = around(on_road(free, own), BOTH)
+    assert own.bounds is not None
+    left, right = (next(kerb.points for kerb in own.bounds.kerbs if kerb.left is side) for side in (True, False))
+    street = shapely.make_valid(shapely.Polygon(np.concatenate([left, right[::-1]])))
+    land = shapely.union_all([street, *(patch.polygon for patch in patches)])
+    on_it = (free.drive.poses_s > 60.0) & (free.drive.poses_s < 240.0)
+    bodies = np.asarray(shapely.polygons(corners(free.drive, np.flatnonzero(on_it)).reshape(-1, 4, 2)))
+    beyond = shapely.difference(united(bodies), land)
+    assert shapely.area(shapely.buffer(beyond, -0.01)) == 0.0  # 1 cm counts as kept
+
+
 def test_a_widening_is_none_where_neither_the_plan_nor_another_fits_within_it(monkeypatch: pytest.MonkeyPatch) -> None:
     case = case_on([0.0, 60.0], [0.0, 0.0])
     narrow = replace(case, road=case.road.with_limits(1.2, 1.2))
@@ -155,6 +173,9 @@ def test_an_obstacle_that_is_not_in_the_way_is_not_blamed() -> None:
     too_tight = Least(np.inf, None, 1.27, 15.0, 2, PlanError("the road bends too tightly", s_m=20.0))
     (said,) = need_lines(Need(case, None, too_tight, None, None, None))
     assert said == "NO: no plan was found for the bus at any half width up to 15 m (the road bends too tightly)"
+    verge = replace(case.road, regions=(replace(shed, kind=Kind.SWEEPABLE),))
+    (said,) = need_lines(Need(replace(case, road=verge), None, too_tight, None, None, None))
+    assert said.endswith("(the road bends too tightly); wheels keep off sweepable areas, however wide the road is")
 
 
 def test_patches_lie_between_the_old_and_the_new_kerb() -> None:

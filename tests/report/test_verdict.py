@@ -85,7 +85,7 @@ def test_what_a_road_without_limits_needs_counts_from_the_line_as_given(tmp_path
 
 def test_wheels_on_the_wrong_side_are_told_from_an_overhang_over_the_kerb(bus: Result, kerbed: Result) -> None:
     assert verdict_of(kerbed).wheels_spare == kerbed.wheel_room
-    assert "; wheels leave the drivable area by " in details(kerbed)
+    assert "; wheels, or sides between axles, leave the drivable area by " in details(kerbed)
     # In a left bend the bus's front corner is what reaches furthest to the right, over two metres ahead of its front axle.
     road = judged(bus, limits=Limits.constant(3.0, bus.balance.max_right - 0.05, 200.0))
     assert "; only overhangs pass over it, the wheels keep it; " in details(road)
@@ -119,7 +119,7 @@ def test_a_post_between_two_stations_of_the_envelope_is_not_driven_through_unsee
     assert verdict.spare == pytest.approx(0.5 - straight.balance.max_left, abs=1e-3)
     assert verdict.spare == judged_.balance.min_clearance
     assert judged_.wheel_room == pytest.approx(verdict.spare, abs=1e-3)  # as above
-    assert "; wheels leave the road by " in details(judged_)
+    assert "; wheels, or sides between axles, leave the road by " in details(judged_)
 
 
 def test_what_counts_as_kept_is_never_called_lacking(bus: Result) -> None:
