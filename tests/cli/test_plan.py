@@ -20,6 +20,7 @@ from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
 
 QUICK = ("--horizon", "30", "--no-plot")
+VAN = ("parked_van", "--vehicle", "bus", "--no-plot")
 CONTRACT = {
     "road", "vehicle", "scheme", "solver", "objective", "length_m", "plans", "max_left_m", "max_right_m", "imbalance_m",
     "mean_abs_imbalance_m", "expected_half_width_m", "min_clearance_m", "limit_violation_m", "sqp_iterations_mean",
@@ -127,6 +128,16 @@ def test_a_clearance_that_is_not_kept_ends_in_1_although_no_limit_is_broken(cli:
     summary = json.loads((tmp_path / "short.bus" / "summary.json").read_text(encoding="utf-8"))
     assert (summary["status"], summary["limit_violation_m"], summary["clearance_wanted_m"]) == ("clearance not kept", 0, 0.5)
     assert cli("plan", short_road, "--vehicle", "bus", *QUICK, "--half-width", "3", "--clearance", "0.5").code == 0
+
+
+def test_a_plan_that_comes_near_its_limits_tells_the_largest_clearance(cli: Cli) -> None:
+    told = re.search(r"as near as limits allow; --clearance max finds one that keeps (0\.\d\d) m", cli("plan", *VAN).err)
+    assert told is not None
+    assert cli("plan", *VAN, "--clearance", "max").out.startswith(f"YES: the {told[1]} m to keep and no more")
+    assert cli("plan", *VAN, "--clearance", told[1]).err.startswith(
+        "the plan comes as near as limits allow; --clearance max finds none that"
+    )
+    assert cli("plan", *VAN, "--quiet").err == ""
 
 
 def test_the_record_beside_the_summary_holds_the_case_that_was_planned(cli: Cli, tmp_path: Path, short_road: str) -> None:
