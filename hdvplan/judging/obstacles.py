@@ -63,7 +63,7 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
     for i, obstacle in enumerate(obstacles):
         side, part = "left" if across[i] > 0.0 else "right", part_named(drive.vehicle.units[unit[i]], float(ahead[i]))
         span, point = (float(s_from[i]), float(s_to[i])), (float(x[i]), float(y[i]))
-        found.append(Approach(obstacle, float(places["distance"][i]), float(s[i]), *span, *point, int(unit[i]), side, part))
+        found.append(Approach(obstacle.at(*point), float(places["distance"][i]), float(s[i]), *span, *point, int(unit[i]), side, part))
     return tuple(found)
 
 

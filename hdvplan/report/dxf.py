@@ -45,6 +45,7 @@ _LOOKS = {
     Layer.ROAD: _Look(8, "CENTER"),
     Layer.OBSTACLES: _Look(34, width=35),
     Layer.SWEEPABLE: _Look(53, "DASHED"),
+    Layer.KERBS: _Look(7, width=50),
     Layer.LIMITS: _Look(7, width=50),
     Layer.TRACKS: _Look(9, "DASHED2", 18),
     Layer.CLEARANCE: _Look(4, width=18),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -18,7 +18,7 @@ from hdvplan.report.geojson import swept_area
 from hdvplan.report.kerbs import beyond_kerb, shown_kerbs, simple_line
 from hdvplan.report.rooms import approach_of, peaks, room_at, shared_with, tightness
 from hdvplan.road.crs import IntoPlane, ToLonLat, is_local
-from hdvplan.road.regions import Kind
+from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 
@@ -38,6 +38,7 @@ class Layer(StrEnum):
     ROAD = "road"
     OBSTACLES = "obstacles"
     SWEEPABLE = "sweepable"
+    KERBS = "kerbs"  # as drawn, of legs
     ENVELOPE = "envelope"
     LIMITS = "limits"
     TRACKS = "wheel_tracks"
@@ -66,7 +67,7 @@ def drawn_features(result: Result) -> tuple[Drawn, ...]:
 
 def limit_features(result: Result) -> Iterator[Drawn]:
     """Yield the features of a plan's drawing that are limits, or beyond one, x, y [m]."""
-    yield from _limits(result)
+    yield from kerb_features(result)
     yield from _conflicts(result)
 
 
@@ -91,11 +92,18 @@ def _road(result: Result) -> Iterator[Drawn]:
     yield Drawn(Layer.ROAD, simple_line(centre), named | {"length_m": length, "attribution": road.notice})
 
 
-def _regions(result: Result) -> Iterator[Drawn]:
+def region_features(regions: Sequence[Region]) -> Iterator[Drawn]:
+    """Yield obstacles and sweepable areas, x, y [m]; of what lies behind edges those, each once: how far it goes on nobody has drawn."""
     for kind, layer in ((Kind.OBSTACLE, Layer.OBSTACLES), (Kind.SWEEPABLE, Layer.SWEEPABLE)):
-        for region in result.drive.road.regions:
-            if region.kind is kind:
+        for region in regions:
+            if region.kind is kind and not region.edges:
                 yield Drawn(layer, region.polygon, {"name": region.label or None}, region.label)
+    for edge in dict.fromkeys(edge for region in regions for edge in region.edges):
+        yield Drawn(Layer.KERBS, edge.line, {"name": edge.label}, edge.label)
+
+
+def _regions(result: Result) -> Iterator[Drawn]:
+    yield from region_features(result.drive.road.regions)
 
 
 def _envelopes(result: Result) -> Iterator[Drawn]:
@@ -106,7 +114,8 @@ def _envelopes(result: Result) -> Iterator[Drawn]:
         yield Drawn(Layer.ENVELOPE, area, of_body(drive.vehicle, unit) | reach | {"area_m2": float(shapely.area(area))})
 
 
-def _limits(result: Result) -> Iterator[Drawn]:
+def kerb_features(result: Result) -> Iterator[Drawn]:
+    """Yield the limits of a plan's drawing, x, y [m]."""
     for kerb in shown_kerbs(result):
         yield Drawn(Layer.LIMITS, kerb.line, {"side": kerb.side, "binds": kerb.binds, "bridged": kerb.bridged})
 
@@ -150,7 +159,7 @@ def _conflicts(result: Result) -> Iterator[Drawn]:
         yield Drawn(Layer.CONFLICTS, shared_with(result, near), named, f"{-near.distance:.2f}")
 
 
-_LAYERS = (_road, _regions, _envelopes, _limits, _tracks, _vehicles, _clearances, _conflicts)
+_LAYERS = (_road, _regions, _envelopes, kerb_features, _tracks, _vehicles, _clearances, _conflicts)
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,14 @@ from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
 from hdvplan.report.files import DRAWINGS, FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, drawing_bytes, path_table, regions_json
 from hdvplan.report.geojson import REGION, region_feature, swept_features
-from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body
+from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body, region_features
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import summary_of, verdict_json
 from hdvplan.road.legs import Leg
-from hdvplan.road.regions import Kind
 
 Json = dict[str, Any]
 _COMMON = ("road", "vehicle", "scheme", "solver", "objective", "settings", "bodies", "wheels", "notice", "clearance_wanted_m", "version")
-_ONCE = (Layer.OBSTACLES, Layer.SWEEPABLE)
+_ONCE = (Layer.OBSTACLES, Layer.SWEEPABLE, Layer.KERBS)
 _OWN = (*_ONCE, Layer.ENVELOPE, Layer.VEHICLES)  # layers that a drive along one line draws otherwise
 
 
@@ -157,10 +156,7 @@ def _film(driven: LegsResult) -> bytes:
 def leg_features(driven: LegsResult) -> tuple[Drawn, ...]:
     """Return all features of the drawing, in the order of its layers, x, y [m]; those of a leg have ``leg`` and ``direction``."""
     found = [one for at in range(len(driven.results)) for one in _of_leg(driven, at)]
-    for region in driven.legs.regions:
-        layer = Layer.OBSTACLES if region.kind is Kind.OBSTACLE else Layer.SWEEPABLE
-        found.append(Drawn(layer, region.polygon, {"name": region.label or None}, region.label))
-    return tuple(sorted(found, key=lambda one: list(Layer).index(one.layer)))
+    return tuple(sorted((*found, *region_features(driven.legs.regions)), key=lambda one: list(Layer).index(one.layer)))
 
 
 def _of_leg(driven: LegsResult, at: int) -> Iterator[Drawn]:

@@ -16,11 +16,10 @@ from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import LegsResult
 from hdvplan.judging.result import Result
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK
-from hdvplan.report.kerbs import shown_kerbs
-from hdvplan.report.maps import SLIDE, UNTURNED, Turn, draw_bodies, outline_of, point
-from hdvplan.report.style import BRIDGED, ON_WHITE
+from hdvplan.report.layers import kerb_features, region_features
+from hdvplan.report.maps import ROOM_M, SLIDE, UNTURNED, Turn, draw_bodies, draw_features, outline_of, point
+from hdvplan.report.style import ON_WHITE
 from hdvplan.road.legs import direction_of
-from hdvplan.road.regions import Kind
 
 COLOURS, _DASHES = (BODY_COLOURS[0], BODY_COLOURS[1]), ("solid", (0, (4, 1.5)))  # forward, backward
 PALE = 0.22  # of swept areas
@@ -86,15 +85,14 @@ def draw_area(axes: Axes, area: BaseGeometry, *, backward: bool, named: bool, we
 
 def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
     """Draw what stays as it is: obstacles, kerbs, and the line of every leg with arrows, and where something is broken."""
-    for region in driven.legs.regions:
-        colour = "0.6" if region.kind is Kind.OBSTACLE else "0.85"
-        outline = outline_of(shapely.transform(region.polygon, turned))
-        axes.add_patch(PathPatch(outline, facecolor=colour, edgecolor=INK, linewidth=0.5 * weight, zorder=1.5))
+    bounded = (one for one in driven.results if one.drive.road.limits is not None)
+    ground = [*region_features(driven.legs.regions), *(kerb for one in bounded for kerb in kerb_features(one))]
+    if ground:
+        points = turned(shapely.get_coordinates([one.geometry for one in ground]))
+        view = shapely.box(*(points.min(axis=0) - ROOM_M), *(points.max(axis=0) + ROOM_M))  # a line on its edge would be cut off
+        draw_features(axes, ground, view, weight=weight, turned=turned)
     named = set[str]()
     for result, leg in zip(driven.results, driven.legs.legs, strict=True):
-        for kerb in shown_kerbs(result) if leg.road.limits is not None else ():
-            dashes = BRIDGED if kerb.bridged else "-"
-            axes.plot(*turned(np.asarray(kerb.line.coords)).T, color=INK, linewidth=0.7 * weight, linestyle=dashes, zorder=1.6)
         line = turned(line_of(result))[:: -1 if leg.backward else 1]
         draw_line(axes, line, backward=leg.backward, named=leg.direction not in named, weight=weight)
         named.add(leg.direction)

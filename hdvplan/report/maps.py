@@ -47,6 +47,7 @@ _LOOKS: dict[Layer, tuple[str, dict[str, Any]]] = {  # what the legend says, and
     Layer.ENVELOPE: ("swept", {"linewidth": 0.6, "zorder": 1}),
     Layer.OBSTACLES: ("obstacle", {"facecolor": "0.6", "edgecolor": INK, "linewidth": 0.5, "zorder": 1.5}),
     Layer.SWEEPABLE: ("sweepable", {"facecolor": "none", "edgecolor": MUTED, "hatch": "////", "linewidth": 0.4, "zorder": 1.5}),
+    Layer.KERBS: ("kerb or wall", {"color": INK, "linewidth": 1.0, "zorder": 4}),
     Layer.TRACKS: ("wheel tracks", {"linewidth": 0.5, "linestyle": (0, (5, 2)), "zorder": 2.5}),
     Layer.ROAD: (
         "road centre, s [m], direction of travel",

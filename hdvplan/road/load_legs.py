@@ -21,7 +21,7 @@ from hdvplan.road.legs import SAME_M, SHORTEST_M, Leg, Legs
 from hdvplan.road.line import Line, RawLeg, RawRoad, is_closed, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.passages import Line as Axis
-from hdvplan.road.regions import EDGE, OPEN_M, Kind, Region, polygons_of, refuse_elsewhere
+from hdvplan.road.regions import EDGE, OPEN_M, Edge, Kind, Region, polygons_of, refuse_elsewhere
 
 LeadLine = Callable[[FloatArray, RoadOptions], FloatArray]  # of the line of the last axle (n, 2) [m], as the vehicle heads
 
@@ -127,7 +127,8 @@ def _beyond_edges(raw: RawRoad, legs: tuple[Leg, ...], name: str) -> list[Region
         RoadError: an edge crosses a leg's line.
 
     """
-    edges = [shapely.LineString(edge) for edge in raw.edges]
+    named = [Edge(label or EDGE, shapely.LineString(edge)) for edge, label in zip(raw.edges, raw.edge_names, strict=True)]
+    edges = [edge.line for edge in named]
     lines = shapely.union_all([Axis.of(leg.road.path).own for leg in legs])
     _refuse_closing(edges, lines, name)
     sweepable = [region.polygon for region in raw.regions if region.kind is Kind.SWEEPABLE]
@@ -136,14 +137,13 @@ def _beyond_edges(raw: RawRoad, legs: tuple[Leg, ...], name: str) -> list[Region
     driven = shapely.difference(place, shapely.union(_open_at(legs[0], 0), _open_at(legs[-1], 1)))
     parted, found = shapely.union_all([face for one in (place, driven) for face in _parted(edges, one, lines)]), list[Region]()
     for face in polygons_of(parted):
-        names = dict.fromkeys(
-            label or EDGE for edge, label in zip(edges, raw.edge_names, strict=True) if shapely.dwithin(edge, face, SAME_M)
-        )
-        found += [Region(Kind.OBSTACLE, part, ", ".join(names)) for part in polygons_of(_without(face, areas))]
-    for edge, label in zip(edges, raw.edge_names, strict=True):
-        ends = shapely.difference(shapely.intersection(edge, place), shapely.buffer(shapely.union(parted, areas), SAME_M))
+        beside = tuple(edge for edge in named if shapely.dwithin(edge.line, face, SAME_M))
+        label = ", ".join(dict.fromkeys(edge.label for edge in beside))
+        found += [Region(Kind.OBSTACLE, part, label, edges=beside) for part in polygons_of(_without(face, areas))]
+    for edge in named:
+        ends = shapely.difference(shapely.intersection(edge.line, place), shapely.buffer(shapely.union(parted, areas), SAME_M))
         walls = [wall for part in shapely.get_parts(ends) if shapely.length(part) > SAME_M for wall in polygons_of(_thick(part, lines))]
-        found += [Region(Kind.OBSTACLE, wall, label or EDGE) for wall in walls]
+        found += [Region(Kind.OBSTACLE, wall, edge.label, edges=(edge,)) for wall in walls]
     return found
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -40,6 +41,13 @@ class Side(StrEnum):
         return Side.RIGHT if self is Side.LEFT else Side.LEFT
 
 
+class Edge(NamedTuple):
+    """A kerb or a wall as drawn, a line in the road's plane [m]."""
+
+    label: str
+    line: shapely.LineString
+
+
 @dataclass(frozen=True)
 class Region:
     """A polygon in the road's plane [m]; ``side`` is where it must be passed, None where that is free."""
@@ -49,6 +57,14 @@ class Region:
     label: str = field(default="", metadata={"decides": False})
     side: Side | None = None
     plan: str = field(default="", metadata={"decides": False})  #: the folder of the plan that swept it; "" of what a road file has
+    edges: tuple[Edge, ...] = field(default=(), metadata={"decides": False})  #: that part it from the street, where they were drawn alone
+
+    def at(self, x: float, y: float) -> Region:
+        """Return the region as it is called at a place [m]: behind edges like the nearest one."""
+        if not self.edges:
+            return self
+        place = shapely.Point(x, y)
+        return replace(self, label=min(self.edges, key=lambda edge: float(edge.line.distance(place))).label)
 
 
 def called(label: str) -> str:

@@ -52,7 +52,7 @@ def test_a_turn_in_three_moves_is_planned_judged_told_and_written(cli: Cli, tmp_
     for words in ("swept forward", "swept backward", "cusp 1", "cusp 2", "start", "end", "way driven [m]"):
         assert words in drawing
     layers = {layer.dxf.name for layer in ezdxf.readfile(folder / "plan.dxf").layers}  # type: ignore[attr-defined] # ezdxf does not re-export it
-    assert {"ROAD_FORWARD", "ROAD_BACKWARD", "OBSTACLES"} <= layers
+    assert {"ROAD_FORWARD", "ROAD_BACKWARD", "KERBS"} <= layers
     assert set(pyogrio.read_info(folder / "plan.gpkg", layer="road")["fields"]) >= {"leg", "direction"}
     features = json.loads((folder / "swept.geojson").read_text(encoding="utf-8"))["features"]
     swept = [one["properties"] for one in features if one["properties"]["kind"] == "swept area"]

@@ -8,6 +8,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 import shapely
+from matplotlib.figure import Figure
 from PIL import Image, ImageSequence
 from pypdf import PdfReader
 
@@ -17,11 +18,12 @@ from hdvplan.judging.bodies import corners, placed
 from hdvplan.judging.legs import LegsResult, jackknife_of
 from hdvplan.judging.result import Result
 from hdvplan.report.leg_files import summary_of_legs
-from hdvplan.report.leg_maps import stops_of
+from hdvplan.report.leg_maps import draw_ground, stops_of
 from hdvplan.report.leg_plots import legs_film_bytes
 from hdvplan.report.leg_sheet import legs_sheet_bytes
 from hdvplan.report.paper import SheetOptions
 from hdvplan.road.legs import Leg, Legs
+from hdvplan.road.regions import Edge, Kind, Region
 from hdvplan.vehicle.kinematics import critical_angles
 from tests.report.pdf import strokes
 
@@ -127,6 +129,19 @@ def test_the_film_goes_forwards_and_back_and_waits_at_the_cusp(straight: Result)
     back = [front(frames[number][0]) for number in (middle, middle + middle // 2, len(frames) - 1)]
     assert there[0] < there[1] < there[2]
     assert back[0] > back[1] > back[2]
+
+
+def test_edges_are_drawn_as_surveyed_and_obstacles_are_named(straight: Result) -> None:
+    kerb, car = shapely.LineString([(0.0, 4.0), (80.0, 4.0), (80.0, 9.0)]), shapely.box(30.0, 2.2, 34.0, 3.9)
+    behind = Region(Kind.OBSTACLE, shapely.box(0.0, 4.0, 80.0, 20.0), "kerb", edges=(Edge("kerb", kerb),))
+    driven = legs_of(straight, straight)
+    axes = Figure().add_subplot()
+    draw_ground(axes, replace(driven, legs=replace(driven.legs, regions=(behind, behind, Region(Kind.OBSTACLE, car, "parked car")))))
+    handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    assert handles["kerb or wall"].get_xydata().tolist() == shapely.get_coordinates(kerb).tolist()
+    assert "parked car" in handles
+    (drawn,) = axes.patches
+    assert drawn.get_path().get_extents().bounds == pytest.approx((30.0, 2.2, 4.0, 1.7))
 
 
 @pytest.mark.slow

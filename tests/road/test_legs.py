@@ -252,6 +252,19 @@ def test_a_sweepable_area_takes_the_place_of_the_edge_that_it_joins(tmp_path: Pa
         assert shapely.distance(shapely.Point(EAST + x, NORTH), shapely.intersection(ray, walls)) == pytest.approx(apart, abs=1e-9)
 
 
+def test_what_lies_behind_several_edges_is_called_like_the_nearest(tmp_path: Path) -> None:
+    straight, corner = np.array([[0.0, 0.0], [30.0, 0.0]]), (42.0, 4.0)
+    sides = [
+        line_feature(np.array([[-30.0, 4.0], corner]), edge="left", name="kerb"),
+        line_feature(np.array([corner, (42.0, -30.0)]), edge="left", name="wall"),
+    ]
+    legs = load_legs(written(tmp_path, leg(1, "backward", straight[::-1]), *sides))
+    (behind,) = legs.regions
+    assert (behind.label, [edge.label for edge in behind.edges]) == ("kerb, wall", ["kerb", "wall"])
+    for x, y, label in ((10.0, 4.1, "kerb"), (42.1, -3.0, "wall")):
+        assert behind.at(EAST + x, NORTH + y).label == label
+
+
 def test_an_edge_across_a_leg_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RoadError, match=r"an edge crosses the line of a leg at x 674002.0, y 6580000.0"):
         load_legs(written(tmp_path, *turn_features(), line_feature(np.array([[2.0, -5.0], [2.0, 5.0]]), edge="left")))
