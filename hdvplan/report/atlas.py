@@ -14,16 +14,15 @@ from matplotlib.figure import Figure, SubFigure
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
+from hdvplan.judging.balance import KEPT_M, Breach
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result
 from hdvplan.report.colours import BREACH, INK, answer_colour
-from hdvplan.report.kerbs import tubes_of
+from hdvplan.report.kerbs import judged_stretch, tubes_of
 from hdvplan.report.layers import Drawn, Layer, drawn_features
 from hdvplan.report.maps import (
-    LABEL_AWAY_M,
     around,
     draw_bodies,
-    draw_depths,
     draw_direction,
     draw_features,
     draw_letter,
@@ -36,11 +35,14 @@ from hdvplan.report.maps import (
     reach_within,
     stations,
 )
-from hdvplan.report.rooms import LONG_ROAD_M, Window, joined, pose_touching
-from hdvplan.report.style import ON_WHITE, SLIDE_IN, styled, write_head
+from hdvplan.report.rooms import LONG_ROAD_M, Window, joined, outwards_at, pose_touching
+from hdvplan.report.style import ON_WHITE, SLIDE_IN, fitted_legend, styled, write_head, write_within
 from hdvplan.road.road import Road
 
 _ABREAST = 2  # enlargements beside each other
+_LABEL_AWAY_M = 2.5  # from the edge that it is written beside
+_LABELS_APART_M = 8.0
+_MOST_DEPTHS = 4  # written into one map, and as many of obstacles
 _LETTER_M, _LETTER_PT = 7.0, 25.0  # from the edge that it is written beside: room on the map, and its distance
 _BEYOND_M = 40.0  # the road goes on beyond an enlarged stretch, as far as the map shows
 _TALL = 1.25  # height over width from which a road's overview stands beside its enlargements
@@ -73,6 +75,7 @@ def draw_atlas(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -
             if window.room is not None:
                 x, y = _LETTER_PT * window.room.outwards
                 draw_letter(overview, window.label, window.room.beyond, (float(x), float(y)), INK)
+        _draw_hits(overview, result, _LETTER_M)
     draw_direction(overview, path, 0.0, path.length, count=4)
     finish_map(overview, north=result.drive.road.to_lonlat is not None)
     named = _named(overview)
@@ -85,7 +88,7 @@ def draw_atlas(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -
         title = fill(window.title.replace("s = ", "s\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}"), _NARROW if tall and cells.ncols > 1 else _HALF)
         axes.set_title(title, fontsize="medium", loc="left", fontweight="bold")
         named |= _named(axes)
-    figure.legend(list(named.values()), list(named), loc="outside upper left", ncols=4)
+    fitted_legend(lambda columns: figure.legend(list(named.values()), list(named), loc="outside upper left", ncols=columns), 4)
 
 
 def _draw_enlarged(
@@ -98,14 +101,49 @@ def _draw_enlarged(
     draw_features(axes, features, around(ends, 0.0))
     if tube is not None:
         draw_tube(axes, tube)
-    draw_depths(axes, result, Window(window.s_from - _BEYOND_M, window.s_to + _BEYOND_M))
+    _draw_depths(axes, result, Window(window.s_from - _BEYOND_M, window.s_to + _BEYOND_M))
+    _draw_hits(axes, result, _LABEL_AWAY_M)
     if room is not None:
         draw_bodies(axes, corners(result.drive, np.array([pose_touching(result, room)])))
         if room.limited and not room.broken:  # breaches have their depth
-            draw_room(axes, room, f"{max(-room.depth, 0.0):.2f} m", room.beyond + LABEL_AWAY_M * room.outwards)  # the title says what it is
+            draw_room(
+                axes, room, f"{max(-room.depth, 0.0):.2f} m", room.beyond + _LABEL_AWAY_M * room.outwards
+            )  # the title says what it is
     draw_direction(axes, road.path, window.s_from, window.s_to, count=2)
     frame(axes, ends, 0.0)
     finish_map(axes, north=road.to_lonlat is not None)
+
+
+def _draw_depths(axes: Axes, result: Result, window: Window) -> None:
+    """Write how deep the deepest breaches of limits are on a stretch that are far enough apart to be written beside each other."""
+    begin, end = judged_stretch(result, window.s_from, window.s_to)
+    kept = list[Breach]()
+    for breach in sorted(result.balance.breaches, key=lambda breach: -breach.depth):
+        apart = all(abs(breach.s_deepest - other.s_deepest) > _LABELS_APART_M or breach.side != other.side for other in kept)
+        if apart and breach.obstacle is None and begin <= breach.s_deepest <= end:
+            kept.append(breach)
+    for breach in kept[:_MOST_DEPTHS]:
+        _write_beside(axes, f"{breach.depth:.2f} m", breach.place, _LABEL_AWAY_M * outwards_at(result, breach.s_deepest, breach.side))
+
+
+def _draw_hits(axes: Axes, result: Result, away: float) -> None:
+    """Mark where obstacles are hit, however small they are, and write how deep the deepest, and what they are called."""
+    hits = sorted((near for near in result.approaches if near.distance < -KEPT_M), key=lambda near: near.distance)
+    if not hits:
+        return
+    x, y = zip(*((near.x, near.y) for near in hits), strict=True)
+    axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="obstacle hit", zorder=5)
+    for near in hits[:_MOST_DEPTHS]:
+        text = f"{-near.distance:.2f} m into {near.obstacle.label or 'an obstacle'}"
+        _write_beside(axes, text, (near.x, near.y), away * outwards_at(result, near.s, near.side))
+
+
+def _write_beside(axes: Axes, text: str, place: tuple[float, float], away: FloatArray) -> None:
+    """Write in the colour of breaches what happens at a place, with a line to it, so far away from it (2,) [m]."""
+    write_within(
+        axes, text, np.array(place) + away, of=place, ha="center", va="center", zorder=6, color=BREACH,
+        fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8},
+    )  # fmt: skip
 
 
 def _points(result: Result, window: Window) -> FloatArray:

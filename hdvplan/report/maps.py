@@ -17,14 +17,12 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ig
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
-from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result
 from hdvplan.report.colours import BAND, BREACH, INK, MUTED, body_colour
-from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.layers import Drawn, Layer, outline_places
-from hdvplan.report.rooms import Room, Window, outwards_at, shown_reach
-from hdvplan.report.style import BRIDGED, ON_WHITE, body_dark, body_fill
+from hdvplan.report.rooms import Room, Window, shown_reach
+from hdvplan.report.style import BRIDGED, ON_WHITE, body_dark, body_fill, write_within
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import outlines_of
 
@@ -34,9 +32,6 @@ UNTURNED: Turn = np.asarray
 SLIDE = 1.5  # how much thicker lines are on a slide than on a sheet of paper
 _SPACING_M = 0.5
 ROOM_M = 2.0  # around what a map shows
-LABEL_AWAY_M = 2.5  # from the edge that it is written beside
-_LABELS_APART_M = 8.0
-_MOST_DEPTHS = 4  # written into one map
 HEAD = 0.12  # of the lead unit's length: the arrow head in its front
 _BARS_M = (1000.0, 500.0, 200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 _SHARE = 0.3  # of the map's smaller side, at most
@@ -174,26 +169,7 @@ def draw_room(axes: Axes, room: Room, text: str, text_at: FloatArray, *, turned:
     colour = BREACH if room.broken else INK
     style = {"arrowstyle": "|-|", "color": colour, "linewidth": 1.1, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
     axes.annotate("", point(last), point(first), arrowprops=style, zorder=8)
-    axes.annotate(
-        text, point(text_at), ha="center", va="center", zorder=9, color=colour, fontweight="bold", fontsize="small",
-        bbox=ON_WHITE, clip_on=True,
-    )  # fmt: skip
-
-
-def draw_depths(axes: Axes, result: Result, window: Window) -> None:
-    """Write how deep the deepest breaches of a stretch are that are far enough apart to be written beside each other."""
-    begin, end = judged_stretch(result, window.s_from, window.s_to)
-    kept = list[Breach]()
-    for breach in sorted(result.balance.breaches, key=lambda breach: -breach.depth):
-        apart = all(abs(breach.s_deepest - other.s_deepest) > _LABELS_APART_M or breach.side != other.side for other in kept)
-        if apart and begin <= breach.s_deepest <= end:
-            kept.append(breach)
-    for breach in kept[:_MOST_DEPTHS]:
-        beside = np.array(breach.place) + LABEL_AWAY_M * outwards_at(result, breach.s_deepest, breach.side)
-        axes.annotate(
-            f"{breach.depth:.2f} m", breach.place, xytext=point(beside), ha="center", va="center", zorder=6, color=BREACH,
-            fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8}, bbox=ON_WHITE,
-        )  # fmt: skip
+    write_within(axes, text, text_at, ha="center", va="center", zorder=9, color=colour, fontweight="bold", fontsize="small", clip_on=True)
 
 
 def outline_of(area: BaseGeometry) -> Outline:

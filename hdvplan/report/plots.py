@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +18,7 @@ from hdvplan.report.atlas import draw_atlas
 from hdvplan.report.colours import BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.rooms import FEW_BELOW_M, Window, breach_place, tightest_windows
-from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, styled, write_head
+from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, fitted_legend, styled, write_head
 
 Panel = Callable[[Axes, Result, Window], None]
 _SHADE = "0.90"
@@ -223,4 +224,5 @@ def _plot_expected(axes: Axes, s: FloatArray, values: FloatArray, label: str | N
 
 
 def _legend_above(axes: Axes, *, columns: int) -> Legend:
-    return axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0, ncols=columns, handlelength=1.6, columnspacing=1.2)
+    look: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0, "handlelength": 1.6, "columnspacing": 1.2}
+    return fitted_legend(lambda count: axes.legend(loc="lower left", ncols=count, **look), columns)

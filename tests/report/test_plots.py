@@ -9,6 +9,7 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.text import Text
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
 
@@ -21,8 +22,10 @@ from hdvplan.report.layers import Drawn, Layer
 from hdvplan.report.maps import draw_features
 from hdvplan.report.plots import plan_figure
 from hdvplan.report.rooms import Window
-from hdvplan.report.style import SLIDE_IN
+from hdvplan.report.style import SLIDE_IN, write_within
+from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
+from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from tests.report.conftest import driven, once
 
@@ -155,3 +158,47 @@ def test_titles_of_maps_beside_each_other_keep_apart_however_long_the_vehicle_s_
     assert len(titles) == 3
     pairs = itertools.combinations([title.get_window_extent() for title in titles], 2)
     assert not any(one.overlaps(other) for one, other in pairs)
+
+
+@pytest.fixture(scope="module")
+def crowded() -> Result:
+    """A tractor-trailer on a road of 200 m with limits for overhangs, which it breaks, and a lamp post in its way."""
+    road = Road("crowded", from_curvature(np.array([0.0, 60.0, 70.0, 100.0, 200.0]), np.array([0.0, 0.0, 0.06, 0.0, 0.0])))
+    ends, two = np.array([0.0, 200.0]), np.array([2.0, 2.0])
+    plan = driven(replace(road, limits=Limits(ends, two, -two, two + 0.2, -two - 0.2)), "tractor-trailer-24m")
+    x, y = (float(of) for of in road.path.to_plane(40.0, 0.3))
+    post = Region(Kind.OBSTACLE, shapely.Point(x, y).buffer(0.1), "lamp post")
+    drive = replace(plan.drive, road=replace(plan.drive.road, regions=(post,)))
+    return result_of(drive, solver="piqp", objective="geometric")
+
+
+def test_every_legend_lies_within_its_picture(crowded: Result, kerbed: Result, trailer: Result) -> None:
+    for figure in (drawn(crowded), drawn(kerbed), drawn(trailer), compared_figure([crowded, kerbed])):
+        figure.draw_without_rendering()
+        for legend in figure.findobj(Legend):
+            extent, whole = legend.get_window_extent(), figure.bbox
+            assert whole.x0 <= extent.x0 < extent.x1 <= whole.x1
+            assert whole.y0 <= extent.y0 < extent.y1 <= whole.y1
+
+
+def test_what_is_written_into_a_map_lies_within_it() -> None:
+    axes = Figure().add_subplot()
+    axes.set(xlim=(0.0, 10.0), ylim=(0.0, 10.0))
+    for x, y in ((0.1, 5.0), (9.9, 9.9), (5.0, 0.0)):
+        write_within(axes, "2.50 m", np.array([x, y]), of=(5.0, 5.0))
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.draw_without_rendering()
+    for text in axes.texts:
+        own = Text.get_window_extent(text)
+        assert axes.bbox.x0 < own.x0 < own.x1 < axes.bbox.x1
+        assert axes.bbox.y0 < own.y0 < own.y1 < axes.bbox.y1
+
+
+def test_an_obstacle_that_is_hit_is_marked_and_named_however_small(crowded: Result) -> None:
+    (near,) = [one for one in crowded.approaches if one.obstacle.label == "lamp post"]
+    assert near.distance < 0.0
+    main = maps(drawn(crowded))[0]
+    assert f"{-near.distance:.2f} m into lamp post" in [text.get_text() for text in main.texts]
+    handles = dict(zip(*reversed(main.get_legend_handles_labels()), strict=True))
+    assert np.asarray(handles["obstacle hit"].get_xydata()).tolist() == [[near.x, near.y]]
