@@ -33,6 +33,7 @@ _TICK_MM = 28.0  # at least, between two
 _ARROWS_MM = 70.0  # between arrows along the road
 _LETTER_PT = 25.0  # from the place that it names
 _BUBBLE_MM, _FREE_MM = 4.0, 6.5  # of a letter's circle to the frame; from it to a station's number
+_TICKED_MM, _NUMBER_MM = np.array([0.8, 2.0, 4.2]), 2.0  # of a station's tick and number to what is swept; of the number to the frame
 _ASIDE_MM, _BELOW_MM, _ABOVE_MM = 19.0, 9.0, 4.0  # of an enlarged place's text to the frame, and to the head
 _KEY_POINTS = 400
 _LEVEL = 1e-3  # turn of a sheet with north up [rad]
@@ -81,11 +82,16 @@ def _bubble(axes: Axes, room: Room, page: Page) -> BaseGeometry:
     """Return the line from an enlarged place to its letter, as it lies on a sheet: outwards or, at the frame, to another side."""
     mm = page.scale / 1e3
     at, out = page.turned(np.stack([room.beyond, room.outwards]))
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    inside = shapely.box(left, low + BAND_MM * mm, right, high).buffer(-_BUBBLE_MM * mm)
+    inside = _inside(axes, mm, _BUBBLE_MM)
     turns = (0.0, 0.25, -0.25, 0.5, -0.5, 1.0)  # of pi
     lines = [_away(at, out, np.pi * turn, _LETTER_PT * MM_PT * mm) for turn in turns]
     return next((line for line in lines if inside.contains(shapely.Point(line.coords[1]))), lines[0])
+
+
+def _inside(axes: Axes, mm: float, off: float) -> BaseGeometry:
+    """Return what of a map lies above its band of marks, and so far off its frame [mm]."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    return shapely.box(left, low + BAND_MM * mm, right, high).buffer(-off * mm)
 
 
 def _away(at: FloatArray, out: FloatArray, turn: float, long: float) -> shapely.LineString:
@@ -176,20 +182,21 @@ def _draw_ground(axes: Axes, result: Result, features: tuple[Drawn, ...], page: 
 
 
 def _draw_stations(axes: Axes, result: Result, page: Page, mm: float, taken: list[BaseGeometry]) -> None:
-    """Draw ticks with their arclength across the road's centre; without it where ``taken`` has a letter."""
-    path, (left, _) = result.drive.road.path, shown_reach(result)
+    """Draw ticks with their arclength across the road's centre, on its right where ``taken`` has a letter on its left; else without it."""
+    path, sides, inside = result.drive.road.path, shown_reach(result), _inside(axes, mm, _NUMBER_MM)
     step = next((step for step in _TICKS_M if step / mm >= _TICK_MM), _TICKS_M[-1])
     for s in np.arange(np.ceil(page.s_from / step), np.floor(page.s_to / step) + 1) * step:
-        edge = float(np.interp(s, result.envelope.s, left))
-        offsets = np.array([-1.2 * mm, 1.2 * mm, edge + 0.8 * mm, edge + 2.0 * mm, edge + 4.2 * mm])
-        ends = page.turned(np.column_stack(path.to_plane(np.full(5, s), offsets)))
+        edges = [float(np.interp(s, result.envelope.s, side)) for side in sides]
+        offsets = np.array([[-1.2 * mm, 1.2 * mm, *(edge + sign * _TICKED_MM * mm)] for edge, sign in zip(edges, (1.0, -1.0), strict=True)])
+        both = page.turned(np.column_stack(path.to_plane(np.full(10, s), offsets.ravel()))).reshape(2, 5, 2)
+        places = shapely.points(both[:, 4])
+        free = shapely.contains(inside, places) & ~shapely.dwithin(places, shapely.union_all(taken), _FREE_MM * mm)
+        ends = both[int(np.argmax(free))]
         for tick in (ends[:2], ends[2:4]):
             axes.plot(*tick.T, color=INK, linewidth=0.5, zorder=5)
-        if any(shapely.Point(ends[4]).distance(line) < _FREE_MM * mm for line in taken):
-            continue
-        axes.text(
-            float(ends[4, 0]), float(ends[4, 1]), f"{s:.0f}", fontsize=_TINY, color=INK, ha="center", va="center", zorder=7, clip_on=True
-        )
+        if np.any(free):
+            x, y = ends[4].tolist()
+            axes.text(x, y, f"{s:.0f}", fontsize=_TINY, color=INK, ha="center", va="center", zorder=7)
 
 
 def _draw_bar(axes: Axes, page: Page, size_mm: tuple[float, float]) -> None:

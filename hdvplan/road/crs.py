@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ if TYPE_CHECKING:  # many roads are in metres, and need no PROJ
     from pyproj import CRS, Transformer
 
 LONLAT = "OGC:CRS84"
+_LONG = re.compile(r"(?:urn:(?:x-)?ogc:def:crs:|https?://www\.opengis\.net/def/crs/)EPSG[:/][^:/]*[:/](\d+)", re.IGNORECASE)
 _TENTH = 1.6e-9  # [deg] from a tenth of a degree, which PROJ would take instead
 _LOCAL = "+proj=tmerc +ellps=WGS84 +units=m +k=1 +x_0=0 +y_0=0 "  # in this order: of planes made here alone
 _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
@@ -65,6 +67,12 @@ class Plane:
     points: FloatArray
     to_lonlat: ToLonLat
     into: IntoPlane
+
+
+def short_name(name: str) -> str:
+    """Return a system's name as people write it: EPSG:27700 for what old GeoJSON files call urn:ogc:def:crs:EPSG::27700."""
+    code = _LONG.fullmatch(name)
+    return name if code is None else f"EPSG:{code[1]}"
 
 
 def _known(name: str) -> CRS:
@@ -141,6 +149,7 @@ def placed(points: FloatArray, name: str) -> Plane:
         RoadError: an unusable system, or points outside the area where it is defined.
 
     """
+    name = short_name(name)
     plane = name if parse_crs(name).is_projected else _local(lonlat_of(name, points))
     to_lonlat, into = ToLonLat(plane), IntoPlane(name, plane)
     there = into(points)

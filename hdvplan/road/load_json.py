@@ -7,7 +7,7 @@ from typing import Any
 
 from hdvplan.errors import RoadError
 from hdvplan.road.assemble import road_of
-from hdvplan.road.crs import LONLAT
+from hdvplan.road.crs import LONLAT, short_name
 from hdvplan.road.features import Choice, Feature, Json, as_object, labels_of
 from hdvplan.road.line import RawRoad
 from hdvplan.road.scenarios import NOTICE
@@ -62,7 +62,7 @@ def _member_crs(document: Json, name: str) -> str:
     if not isinstance(system, str):
         msg = f"{name}: the 'crs' member names no coordinate reference system"
         raise RoadError(msg, hint="name it, such as --crs EPSG:3006")
-    return LONLAT if system.endswith("CRS84") else system
+    return LONLAT if system.endswith("CRS84") else short_name(system)
 
 
 def _items(document: Json, name: str) -> list[Json]:

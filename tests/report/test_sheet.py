@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import BytesIO
 from itertools import combinations, pairwise
 from typing import Any, cast
@@ -16,12 +17,13 @@ from pypdf.generic import DictionaryObject
 
 from hdvplan.answers import NEEDS, NO
 from hdvplan.errors import OptionError
-from hdvplan.judging.result import Result
+from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.report import sheet
 from hdvplan.report.paper import MM_IN, PAPERS_MM, SCALES, STAMP_MM, Page, SheetOptions, layout, pages_of
+from hdvplan.report.rooms import room_at
 from hdvplan.report.sheet import sheet_bytes, steering_text
-from hdvplan.report.sheetmap import inset_scale, places_of
+from hdvplan.report.sheetmap import draw_field, inset_scale, places_of
 from hdvplan.vehicle.load import load_vehicle
 from tests.nightly import nightly
 from tests.report.pdf import strokes
@@ -113,6 +115,22 @@ def test_a_place_is_enlarged_on_one_sheet_unless_the_next_has_a_tighter_one_besi
 def test_a_scale_without_room_for_the_vehicle_is_refused(bus: Result) -> None:
     with pytest.raises(OptionError, match="no room for the bus"):
         sheet_bytes(bus, SheetOptions("a4", 10))
+
+
+def test_a_station_s_number_that_a_letter_would_cover_stands_on_the_other_side(straight: Result) -> None:
+    narrow = replace(straight.drive, road=straight.drive.road.with_limits(2.0, 3.0))
+    result = result_of(narrow, solver="piqp", objective="geometric")
+    (page,) = pages_of(result, FIELD_MM, 500)
+    room = room_at(result, int(np.argmin(np.abs(result.envelope.s - 40.0))))
+    for places, side in (([("A", room)], False), ([], True)):
+        axes = Figure().add_subplot()
+        draw_field(axes, result, (), page, FIELD_MM, places, tubes=False)
+        sides = {
+            text.get_text(): text.get_position()[1] > 0.0
+            for text in axes.texts
+            if text.get_text() in {"0", "20", "40", "60", "80"} and text.get_position()[1] > -20.0
+        }
+        assert sides == {"0": True, "20": True, "40": side, "60": True, "80": True}
 
 
 def test_enlarged_places_are_at_least_twice_as_large_as_on_the_map() -> None:

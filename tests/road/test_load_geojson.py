@@ -12,6 +12,7 @@ import pytest
 import shapely
 
 from hdvplan.errors import RoadError
+from hdvplan.road.crs import ToLonLat
 from hdvplan.road.features import Choice
 from hdvplan.road.line import RawRoad
 from hdvplan.road.load import load_road
@@ -99,6 +100,7 @@ def test_an_old_crs_member_is_honoured_and_overridden() -> None:
     member = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3006"}}
     raw = read_geojson(json.dumps({**line, "crs": member}), "f")
     np.testing.assert_array_equal(raw.points, line["coordinates"])
+    assert raw.to_lonlat == ToLonLat("EPSG:3006")  # as it is told
     np.testing.assert_array_equal(read_geojson(json.dumps(line), "f", crs="EPSG:3006").points, raw.points)
     with pytest.raises(RoadError, match="outside \\+-180") as caught:
         read_geojson(json.dumps(line), "f")
