@@ -73,7 +73,7 @@ class Case:
             far = np.flatnonzero(np.abs(values) > _WIDEST_M)
             if far.size:
                 s = float(limits.s[far[0]])
-                msg = f"the {side} limit at s = {s:.1f} m is {abs(values[far[0]]):g} m away; at most {_WIDEST_M / 1e3:g} km can be meant"
+                msg = f"the {side} limit at s = {s:z.1f} m is {abs(values[far[0]]):g} m away; at most {_WIDEST_M / 1e3:g} km can be meant"
                 raise RoadError(msg, s_m=s, hint="leave the limit out where there is none")
 
     def __repr__(self) -> str:

@@ -76,7 +76,7 @@ class Stepper:
         plan = self._planner.plan(self.at, np.ascontiguousarray(self.z), self.kappa)
         if plan.usable and self._planner.leaps:
             s, off = float(self._stations.s[self.at]), abs(float(self.z[0]))
-            msg = f"at s = {s:.1f} m no plan was found that leads on from {off:.1f} m beside the road's line"
+            msg = f"at s = {s:z.1f} m no plan was found that leads on from {off:.1f} m beside the road's line"
             raise PlanError(msg, s_m=s, hint="is the vehicle's place on the road known?")
         return plan
 

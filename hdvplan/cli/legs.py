@@ -102,7 +102,7 @@ def _print_legs(summary: dict[str, Any], directory: Path) -> None:
         spare = "-" if verdict["spare_m"] is None else f"{verdict['spare_m']:.3f}"
         word = verdict["word"] if leg["jackknife"] is None else NO
         ends = ", ".join(f"{round(angle, 1) + 0.0:+.1f}" for angle in leg["articulation_end_deg"]) or "-"
-        place = (f"{verdict['s_m']:.1f}", f"{verdict['part']} of the {verdict['unit']}")
+        place = (f"{verdict['s_m']:z.1f}", f"{verdict['part']} of the {verdict['unit']}")
         moved = "-" if leg["smoothing"] is None else f"{leg['smoothing']['max_deviation_m']:.2f}"
         rows.append((str(leg["leg"]), leg["direction"], f"{leg['length_m']:.1f}", moved, word, spare, *place, ends))
     title = f"{summary['vehicle']} on {summary['road']}"

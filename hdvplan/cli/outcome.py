@@ -60,7 +60,7 @@ def cleared(result: Result, *, quiet: bool) -> Result:
         )
     beside = [abs(one.drive.z[:, 0]) for one in (found, result)]
     if beside[0].max() > beside[1].max() + _ASIDE_M:
-        where = f"at s = {found.drive.stations.s[beside[0].argmax()]:.1f} m"
+        where = f"at s = {found.drive.stations.s[beside[0].argmax()]:z.1f} m"
         text = f"with it the lead axle drives up to {beside[0].max():.1f} m beside the line, {where}, without {beside[1].max():.1f} m"
         warn(f"{text}: does it still come to where the line leads?", quiet=quiet)
     step, uses = result.drive.settings.step, [steering_of(one.drive) for one in (found, result)]
@@ -231,7 +231,7 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
         kept = verdict.clearance_wanted + (verdict.spare or 0.0)
         report_error(
             f"only {kept:.3f} m of the wanted clearance of {verdict.clearance_wanted:.3f} m are kept "
-            f"from {'an obstacle' if verdict.obstacle is not None else f'the {verdict.side} limit'} at s = {verdict.s:.1f} m",
+            f"from {'an obstacle' if verdict.obstacle is not None else f'the {verdict.side} limit'} at s = {verdict.s:z.1f} m",
             "the vehicle fits without that clearance; "
             + (apart if met is not None else "`hdvplan need ROAD --vehicle NAME --clearance M` finds the room that it takes"),
         )
@@ -271,10 +271,10 @@ def warn_of_steps(summary: dict[str, Any], *, quiet: bool) -> None:
     rescued, failed, plans = summary["rescued_steps"], summary["failed_steps"], summary["plans"]
     if rescued:
         first = rescued[0]
-        where = f"first at s = {first['s_m']:.1f} m: {first['why']}"
+        where = f"first at s = {first['s_m']:z.1f} m: {first['why']}"
         warn(f"{summary['solver']} failed in {len(rescued)} of {plans} planning steps, {where}", quiet=quiet)
     if failed:
-        where = f"first at s = {failed[0]:.1f} m: the vehicle followed the last plan"
+        where = f"first at s = {failed[0]:z.1f} m: the vehicle followed the last plan"
         warn(f"{len(failed)} of {plans} planning steps were not solved, {where}", quiet=quiet)
 
 
@@ -291,7 +291,7 @@ def long_exit_code(summary: dict[str, Any]) -> ExitCode:
         broken = f"breaks the {breach['side']} limit" if breach["obstacle"] is None else f"enters {called(breach['obstacle'])}"
         more = f", and at {len(summary['breaches']) - 1} more places" if len(summary["breaches"]) > 1 else ""
         report_error(
-            f"the {breach['part']} of the {breach['unit']} {broken} by {breach['depth_m']:.3f} m at s = {breach['s_deepest']:.1f} m{more}",
+            f"the {breach['part']} of the {breach['unit']} {broken} by {breach['depth_m']:.3f} m at s = {breach['s_deepest']:z.1f} m{more}",
             "summary.json lists all under breaches",
         )
     return ExitCode.BROKEN

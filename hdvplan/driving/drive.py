@@ -213,7 +213,7 @@ def executed(vehicle: Vehicle, stations: Stations, plan: Plan, part: slice, z: F
     states = simulate(vehicle.table(), stations.path, begin, step, z, kappa, keep, wheels)
     if not np.all(np.isfinite(states)):
         s = begin + step / keep * float(np.argmin(np.isfinite(states[:, 0])))
-        msg = f"at s = {s:.1f} m the executed motion leaves the road-aligned model's domain"
+        msg = f"at s = {s:z.1f} m the executed motion leaves the road-aligned model's domain"
         raise PlanError(msg, s_m=s, hint="smooth the road more (--smooth): the line bends too tightly for the room beside it")
     return states
 

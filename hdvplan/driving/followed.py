@@ -83,7 +83,7 @@ def followed(road: Road, vehicle: Vehicle, settings: PlannerSettings, path: Give
         road, feet = part_of(road, begins, ends, beyond, beyond + settings.horizon), feet - begins
         if ends - begins < whole - step:
             counted = "; arclengths count from its beginning" if begins > 0.0 else ""
-            road = replace(road, notes=(*road.notes, f"the path covers s = {begins:.1f} to {ends:.1f} m of {whole:.1f} m{counted}"))
+            road = replace(road, notes=(*road.notes, f"the path covers s = {begins:z.1f} to {ends:z.1f} m of {whole:.1f} m{counted}"))
     stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=step, horizon=settings.horizon)
     keep = int(np.ceil(step / POSE_SPACING_M))
     count = keep * round(np.ceil(road.path.length / step - _APART_M))
@@ -184,7 +184,7 @@ class _Curve:
         wrong = ~np.isfinite(t)
         if np.any(wrong):
             at = float(s[np.argmax(wrong)])
-            msg = f"at s = {at:.1f} m the path leaves the road-aligned model's domain"
+            msg = f"at s = {at:z.1f} m the path leaves the road-aligned model's domain"
             raise PlanError(msg, s_m=at, hint="a road whose line runs along the path judges it")
         return t
 
@@ -228,7 +228,7 @@ def _feet(line: ReferencePath, length: float, curve: _Curve) -> FloatArray:
     for number, (x, y) in enumerate(points):
         found = project_many(line, np.array([x]), np.array([y]), np.array([near + step]))
         if not np.isfinite(found[1, 0]) or abs(found[1, 0]) > _FAR_M or (number and found[0, 0] <= feet[0, number - 1]):
-            msg = f"at {curve.named(number)}, near s = {near:.1f} m, the path does not go forwards along the road"
+            msg = f"at {curve.named(number)}, near s = {near:z.1f} m, the path does not go forwards along the road"
             raise RoadError(msg, s_m=near, hint="it runs beside the road's line, in its direction")
         feet[:, number], near = found[:2, 0], float(found[0, 0])
         step = float(np.hypot(*(points[number + 1] - points[number]))) if number + 1 < len(points) else 0.0
@@ -266,7 +266,7 @@ def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray
         place = float(s[sharp[0]])
         worst = float(np.max(np.abs(kappa)))
         turns = f"it turns with up to {worst:.3f} 1/m, the {vehicle.name} with {vehicle.max_curvature:.3f}"
-        msg = f"from s = {place:.1f} m on the path is too tight: {turns}"
+        msg = f"from s = {place:z.1f} m on the path is too tight: {turns}"
         raise PlanError(msg, s_m=place, hint=curve.hint)
 
 
@@ -295,6 +295,6 @@ def _poses(
         z[number + 1, 2:rigid] = moved[1, 2:rigid]
     if not np.all(np.isfinite(z)):
         place = float(s[np.argmin(np.all(np.isfinite(z), axis=1))])
-        msg = f"at s = {place:.1f} m the motion leaves the road-aligned model's domain"
+        msg = f"at s = {place:z.1f} m the motion leaves the road-aligned model's domain"
         raise PlanError(msg, s_m=place)
     return z, kappa

@@ -83,6 +83,6 @@ def _followed(coupling: FloatArray, lever: float) -> FloatArray:
     across = np.abs(heading - along)
     if np.max(across) > _ACROSS:
         place = float(s[np.argmax(across)])
-        msg = f"the last axle's line turns so sharply near s = {place:.0f} m that the body ahead would stand across its path"
+        msg = f"the last axle's line turns so sharply near s = {place:z.0f} m that the body ahead would stand across its path"
         raise RoadError(msg, s_m=place, hint="draw it wider, or draw the line of the lead axle: --leg-line lead-axle")
     return heading

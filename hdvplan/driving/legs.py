@@ -171,7 +171,7 @@ def _moved(
     s = way.s(station)
     states = simulate(vehicle.table(), way.stations.path, s, way.step, z, plan.kappa[i : i + 1], keep, wheels)
     if not np.all(np.isfinite(states)):
-        msg = f"in leg {number + 1} at s = {s:.1f} m the executed motion leaves the road-aligned model's domain"
+        msg = f"in leg {number + 1} at s = {s:z.1f} m the executed motion leaves the road-aligned model's domain"
         raise PlanError(msg, s_m=s, hint="the line bends too tightly for the room beside it, or the trailers fold: draw it wider")
     own.z.append(states[1:])
     own.kappa.append(float(plan.kappa[i]))

@@ -157,10 +157,12 @@ def steering_texts(drive: Drive, found: SteeringUse) -> list[str]:
     if found.swings:
         first, last = found.swings[0]
         more = f", and at {len(found.swings) - 1} more places" if len(found.swings) > 1 else ""
-        texts.append(f"the {what_is} swings from lock to lock between s = {first:.1f} and {last:.1f} m, within the vehicle's length{more}")
+        texts.append(
+            f"the {what_is} swings from lock to lock between s = {first:z.1f} and {last:z.1f} m, within the vehicle's length{more}"
+        )
     for use, what in ((found.curvature, "steering"), (found.rate, "steering rate")):
         if use.stretches:
-            uses = f"the {what_is} uses {100.0 * use.share:.0f} % of the {what} at s = {use.s:.1f} m"
+            uses = f"the {what_is} uses {100.0 * use.share:.0f} % of the {what} at s = {use.s:z.1f} m"
             texts.append(f"{uses}, over 95 % along {use.length(drive.settings.step):.1f} m of road")
     return texts
 

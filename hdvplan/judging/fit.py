@@ -175,7 +175,7 @@ def fit_table(road: Road, vehicles: list[Vehicle]) -> pd.DataFrame:
 
 def finding_text(finding: Finding, vehicle: str) -> str:
     """Return a finding as one sentence."""
-    place = f"from s = {finding.s_from:.1f} to {finding.s_to:.1f} m"
+    place = f"from s = {finding.s_from:z.1f} to {finding.s_to:z.1f} m"
     if finding.trouble is Trouble.WIDTH:
         return f"too narrow for the {vehicle} {place}: limits {_apart(finding.available)}, needs {finding.needed:.2f} m"
     if finding.trouble is Trouble.CURVATURE:
@@ -192,7 +192,7 @@ def folded_text(road: Road, findings: tuple[Finding, ...]) -> str | None:
     folded = next((one for one in findings if one.trouble is Trouble.WIDTH and one.available < least), None)
     if folded is None:
         return None
-    place = f"at s = {folded.s_worst:.1f} m the limits, which count from the road's points, lie beside the smoothed line"
+    place = f"at s = {folded.s_worst:z.1f} m the limits, which count from the road's points, lie beside the smoothed line"
     return f"{place}: try --corners sharp or round, or draw the edges"
 
 

@@ -89,7 +89,7 @@ class LegsResult:
         if folded is None:
             return verdict_line(result, self.verdicts[at], self.of(at))
         degrees = f"{np.degrees(folded.angle):.0f} degrees, beyond {np.degrees(folded.critical):.1f}"
-        return worded(NO, f"{JACKKNIFE} at s = {folded.s:.1f} m{self.of(at)}: {degrees} no steering helps")
+        return worded(NO, f"{JACKKNIFE} at s = {folded.s:z.1f} m{self.of(at)}: {degrees} no steering helps")
 
     @property
     def title(self) -> str:

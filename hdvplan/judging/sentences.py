@@ -15,11 +15,11 @@ def solver_texts(result: Result) -> list[str]:
     steps, at, texts = len(result.drive.plans), result.drive.stations.s, []
     if result.rescued:
         first, name = result.rescued[0], result.solver
-        where = f"first at s = {at[first.first]:.1f} m"
+        where = f"first at s = {at[first.first]:z.1f} m"
         texts.append(f"{name} failed in {len(result.rescued)} of {steps} planning steps, {where}: {first.instead}")
     if result.failed:
         first = result.failed[0]
-        where = f"first at s = {at[first.first]:.1f} m" + (f" ({first.reason})" if first.reason else "")
+        where = f"first at s = {at[first.first]:z.1f} m" + (f" ({first.reason})" if first.reason else "")
         texts.append(f"{len(result.failed)} of {steps} planning steps were not solved, {where}: the vehicle followed the last plan")
     return texts
 
@@ -52,12 +52,12 @@ def breach_text(result: Result, breach: Breach) -> str:
     name = body_name(result.drive.vehicle, breach.unit)
     if breach.obstacle is not None:
         named = called(breach.obstacle)
-        return f"the {breach.part} of the {name} enters {named} by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+        return f"the {breach.part} of the {name} enters {named} by {breach.depth:.3f} m at s = {breach.s_deepest:z.1f} m"
     limit = limit_called(breach.side, result.drive.road.binds(breach.side, breach.region, *breach.place))
-    return f"the {breach.part} of the {name} breaks {limit} by {breach.depth:.3f} m at s = {breach.s_deepest:.1f} m"
+    return f"the {breach.part} of the {name} breaks {limit} by {breach.depth:.3f} m at s = {breach.s_deepest:z.1f} m"
 
 
 def entered_text(result: Result, approach: Approach) -> str:
     """Return a sentence that says which body enters which obstacle, by how much and where."""
     named, name = called(approach.obstacle.label), body_name(result.drive.vehicle, approach.unit)
-    return f"the {approach.part} of the {name} enters {named} by {-approach.distance:.3f} m at s = {approach.s:.1f} m"
+    return f"the {approach.part} of the {name} enters {named} by {-approach.distance:.3f} m at s = {approach.s:z.1f} m"

@@ -155,12 +155,12 @@ def _who(result: Result, verdict: Verdict) -> list[str]:
 
 def _answer(result: Result, verdict: Verdict, who: str, of: str) -> str:
     if verdict.fits is None:
-        return f"{amount_text(verdict)} for the {result.drive.vehicle.name}: {who} at s = {verdict.s:.1f} m{of}"
+        return f"{amount_text(verdict)} for the {result.drive.vehicle.name}: {who} at s = {verdict.s:z.1f} m{of}"
     return worded(verdict.word, strays_text(verdict) or _room(verdict, who, of))
 
 
 def _room(verdict: Verdict, who: str, of: str) -> str:
-    return f"{_amount(verdict)} at s = {verdict.s:.1f} m{of}, {who}"
+    return f"{_amount(verdict)} at s = {verdict.s:z.1f} m{of}, {who}"
 
 
 def strays_text(verdict: Verdict) -> str:
@@ -200,12 +200,12 @@ def tracking_line(result: Result) -> str:
     if not tracking.decided:
         return f"{held}; of more nothing is known"
     name = body_name(result.drive.vehicle, tracking.unit)
-    return f"{held}; decided at s = {tracking.s:.1f} m, {tracking.part} of the {name}"
+    return f"{held}; decided at s = {tracking.s:z.1f} m, {tracking.part} of the {name}"
 
 
 def verdict_title(result: Result, verdict: Verdict) -> str:
     """Return the verdict as a short title: vehicle, word, amount and place."""
-    place = "" if verdict.fits is None or verdict.strays is not None else f" at s = {verdict.s:.0f} m"
+    place = "" if verdict.fits is None or verdict.strays is not None else f" at s = {verdict.s:z.0f} m"
     return f"{result.drive.vehicle.name} on {result.drive.road.name}: {short_verdict(verdict)}{place}{_meeting(result.drive.road)}"
 
 
@@ -223,8 +223,8 @@ def proof_text(proof: Proof, case: Case) -> str:
     kept = "keeps the limits" if clearance == 0.0 else f"stays {clearance:.2f} m off the limits"
     kept += _meeting(case.road)
     if proof.kind == "place":
-        return f"at s = {proof.s_to:.1f} m there is no place for the {body_name(case.vehicle, proof.unit)} that {kept}"
-    return f"between s = {proof.s_from:.1f} and {proof.s_to:.1f} m nothing that this vehicle can drive {kept}"
+        return f"at s = {proof.s_to:z.1f} m there is no place for the {body_name(case.vehicle, proof.unit)} that {kept}"
+    return f"between s = {proof.s_from:z.1f} and {proof.s_to:z.1f} m nothing that this vehicle can drive {kept}"
 
 
 def _meeting(road: Road) -> str:
@@ -266,7 +266,7 @@ def _furthest(result: Result) -> _Place:
 def place_text(x: float, y: float, lonlat: tuple[float, float] | None) -> str:
     """Return a place as people read it: latitude and longitude [deg], or x and y [m] where there are none."""
     if lonlat is None:
-        return f"x {x:.1f}, y {y:.1f}"
+        return f"x {x:z.1f}, y {y:z.1f}"
     lon, lat = lonlat
     return f"{abs(lat):.5f} {'N' if lat >= 0.0 else 'S'}, {abs(lon):.5f} {'E' if lon >= 0.0 else 'W'}"
 

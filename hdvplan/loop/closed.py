@@ -159,7 +159,7 @@ def loop_text(loop: ClosedLoop) -> str:
     found = f"in a closed loop {loop.kept} of {runs} runs keep the street"
     if verdict is not None and verdict.spare is not None:
         room = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.fits else 'lacking'}"
-        found = f"{found}; run {worst + 1} is the worst, {room} ({verdict.side}, s = {verdict.s:.1f} m)"
+        found = f"{found}; run {worst + 1} is the worst, {room} ({verdict.side}, s = {verdict.s:z.1f} m)"
     elif not driven.lost[worst]:
         found = f"{found}; run {worst + 1} cannot be judged: it leaves the road"
     return "; ".join(filter(None, (found, losing, strays)))

@@ -160,7 +160,7 @@ def _by_room(case: Case, spans: FloatArray, number: int, option: Options, fixed:
     if option.forced and closed:
         (side, why), label = next(iter(closed.items())), case.road.regions[passage.region].label
         s, missing = 0.5 * (passage.s_from + passage.s_to), asked[side] - rooms[side]
-        msg = f"{called(label)} at s = {s:.1f} m cannot be passed on the {side}: {why}, {missing:.2f} m missing"
+        msg = f"{called(label)} at s = {s:z.1f} m cannot be passed on the {side}: {why}, {missing:.2f} m missing"
         raise RoadError(msg, s_m=s, hint="give no side, to pass it where there is more room")
     if option.forced or not closed:
         return option

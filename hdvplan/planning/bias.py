@@ -101,6 +101,6 @@ def shifted(curvature: FloatArray, offset: FloatArray, s: FloatArray) -> FloatAr
     turned = curvature * offset
     if np.any(turned > _TIGHTEST):
         at = float(s[int(np.argmax(turned))])
-        msg = f"a bias of {offset[int(np.argmax(turned))]:g} m leaves no road at s = {at:.1f} m, which bends by {np.max(turned):.2f} of it"
+        msg = f"a bias of {offset[int(np.argmax(turned))]:g} m leaves no road at s = {at:z.1f} m, which bends by {np.max(turned):.2f} of it"
         raise OptionError(msg, hint="choose a smaller --bias")
     return curvature / (1.0 - turned)

@@ -244,12 +244,12 @@ class Planner:
     def _footless(self, station: int) -> PlanError:
         """Return the error of a stage with a point that has no foot."""
         s, name = float(self._scene.stations.s[station]), self._scene.vehicle.name
-        msg = f"at s = {s:.1f} m a point of the {name} lies beyond the road's centre of curvature: the road bends too tightly for it"
+        msg = f"at s = {s:z.1f} m a point of the {name} lies beyond the road's centre of curvature: the road bends too tightly for it"
         return PlanError(msg, s_m=s, hint="smooth the road more (--smooth), or plan with a shorter vehicle")
 
     def _unsolved(self, status: Status, reason: str, station: int, *, first_plan: bool) -> SolverError:
         """Return the error of a step without a motion that could be driven."""
         s, why = float(self._scene.stations.s[station]), f" ({reason})" if reason else ""
         what = "the first plan could not be solved" if first_plan else "no plan was solved since what the last one covered"
-        msg = f"at s = {s:.1f} m {what}: {self._judge.name} says {status}{why}, primal residual {self._residuals().primal:.2g}"
+        msg = f"at s = {s:z.1f} m {what}: {self._judge.name} says {status}{why}, primal residual {self._residuals().primal:.2g}"
         return SolverError(msg, status=str(status), s_m=s, hint="try another --solver")

@@ -113,7 +113,7 @@ def _poses(result: Result, window: Window) -> Iterator[Pose]:
     stride, units = paced(float(drive.poses_s[1] - drive.poses_s[0])), tuple(range(len(drive.vehicle.units)))
     for pose, bodies in zip(poses, corners(drive, poses), strict=True):
         shown = drive.poses_s[pose] >= window.s_from and (poses[-1] - pose) % stride == 0
-        caption = f"{window.label + ':  ' if window.label else ''}s = {drive.poses_s[pose]:.0f} m" if shown else None
+        caption = f"{window.label + ':  ' if window.label else ''}s = {drive.poses_s[pose]:z.0f} m" if shown else None
         yield Pose(bodies, units, caption, LAST_MS if pose == poses[-1] else _FRAME_MS)
 
 

@@ -189,7 +189,8 @@ def _windows(patches: Sequence[Drawn], s: float, road: Road) -> list[Window]:
     stretches = joined(Window(max(0.0, begin - _AROUND_M), min(length, end + _AROUND_M)) for begin, end in ranges)
     labels = "ABCD" if len(stretches) > 1 else [""]
     return [
-        replace(one, label=label, reason=f"s = {one.s_from:.0f} to {one.s_to:.0f} m") for label, one in zip(labels, stretches, strict=False)
+        replace(one, label=label, reason=f"s = {one.s_from:z.0f} to {one.s_to:z.0f} m")
+        for label, one in zip(labels, stretches, strict=False)
     ]
 
 

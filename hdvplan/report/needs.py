@@ -100,7 +100,7 @@ def _why(need: Need) -> str:
     if room.result is not None:
         return ""
     if room.blocked is not None:
-        return f": {called(room.blocked.obstacle.label)} is in the way at s = {room.blocked.s:.1f} m"
+        return f": {called(room.blocked.obstacle.label)} is in the way at s = {room.blocked.s:z.1f} m"
     swept = any(region.kind is Kind.SWEEPABLE for region in need.case.road.regions)
     kept = "; wheels keep off sweepable areas, however wide the road is" if swept else ""
     return (f" ({room.failure})" if room.failure is not None else "") + kept
@@ -108,7 +108,7 @@ def _why(need: Need) -> str:
 
 def _place_text(need: Need, place: Place) -> str:
     at = place_text(place.x, place.y, place.lonlat)
-    return f"at s = {place.s:.1f} m ({at}) by the {place.part} of the {body_name(need.case.vehicle, place.unit)} on the {place.side}"
+    return f"at s = {place.s:z.1f} m ({at}) by the {place.part} of the {body_name(need.case.vehicle, place.unit)} on the {place.side}"
 
 
 def need_json(need: Need, seconds: float) -> Json:
@@ -201,7 +201,7 @@ def _table(widening: Widening, title: str) -> Table:
     columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "area [m2]", "side"]
     rows = []
     for patch in widening.patches:
-        place = [f"{s:.1f}" for s in (patch.s_from, patch.s_to, patch.s_deepest)]
+        place = [f"{s:z.1f}" for s in (patch.s_from, patch.s_to, patch.s_deepest)]
         rows.append([*place, f"{patch.depth:.2f}", _area_text(patch.polygon.area).removesuffix(" m2"), patch.side])
         if len(regions) > 1:
             rows[-1].append(f"of {'overhangs' if patch.region == 'sweepable' else 'wheels'}")
@@ -290,7 +290,7 @@ def _sheet(need: Need, shown: Result, options: SheetOptions) -> bytes:
     details = "; ".join(more if need.fits or not rest else [rest, *more])  # of a plan that fits, the driver has a row of its own
     widened = None if need.widenings is None else need.widenings.area
     patches = () if widened is None else [
-        f"s = {patch.s_from:.0f} to {patch.s_to:.0f} m {patch.side}, {_area_text(patch.polygon.area)}, {patch.depth:.2f} m deep"
+        f"s = {patch.s_from:z.0f} to {patch.s_to:z.0f} m {patch.side}, {_area_text(patch.polygon.area)}, {patch.depth:.2f} m deep"
         for patch in widened.patches
     ]  # fmt: skip
     rows = (("to widen", "; ".join(patches)),) if patches else ()

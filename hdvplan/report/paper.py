@@ -186,7 +186,7 @@ def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -
     if pages is None:
         pages = [_largest(outline, window.s_from, window.s_to, scale) for window in tightest_windows(result)]
         of_all = f" of {length:.0f} m; only the tightest stretches are drawn"
-    captions = [f"sheet {n} of {len(pages)}: s = {page.s_from:.0f} to {page.s_to:.0f} m" for n, page in enumerate(pages, start=1)]
+    captions = [f"sheet {n} of {len(pages)}: s = {page.s_from:z.0f} to {page.s_to:z.0f} m" for n, page in enumerate(pages, start=1)]
     return tuple(replace(page, caption=caption + of_all) for page, caption in zip(pages, captions, strict=True))
 
 

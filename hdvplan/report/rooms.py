@@ -225,7 +225,7 @@ def tightest_windows(result: Result) -> tuple[Window, ...]:
         shown = np.abs(s - middle) <= half
         room = room_at(result, int(np.argmax(np.where(shown, score, -np.inf))))  # a peak beside another one is not the tightest place there
         what = room.text if not room.broken or room.obstacle is not None else f"limit broken by {room.depth:.2f} m"
-        windows.append(Window(middle - half, min(middle + half, length), label, f"{what} at s = {room.s:.0f} m", room))
+        windows.append(Window(middle - half, min(middle + half, length), label, f"{what} at s = {room.s:z.0f} m", room))
     return tuple(windows)
 
 

@@ -140,7 +140,7 @@ def draw_inset(
     beside = page.turned((room.beyond + _BESIDE_MM * scale / 1e3 * room.outwards)[None])[0] if room.limited and shown else ends.mean(axis=0)
     draw_room(axes, room, room.text, _within(axes, beside, scale), turned=page.turned)
     body = body_name(result.drive.vehicle, room.unit)
-    head_inset(axes, f"{letter}   1:{scale}   s = {room.s:.1f} m, {body}, {room.side}")
+    head_inset(axes, f"{letter}   1:{scale}   s = {room.s:z.1f} m, {body}, {room.side}")
 
 
 def _within(axes: Axes, place: FloatArray, scale: int) -> FloatArray:
@@ -196,7 +196,7 @@ def _draw_stations(axes: Axes, result: Result, page: Page, mm: float, taken: lis
             axes.plot(*tick.T, color=INK, linewidth=0.5, zorder=5)
         if np.any(free):
             x, y = ends[4].tolist()
-            axes.text(x, y, f"{s:.0f}", fontsize=_TINY, color=INK, ha="center", va="center", zorder=7)
+            axes.text(x, y, f"{s:z.0f}", fontsize=_TINY, color=INK, ha="center", va="center", zorder=7)
 
 
 def _draw_bar(axes: Axes, page: Page, size_mm: tuple[float, float]) -> None:

@@ -213,7 +213,7 @@ def _passed(passed: Passed) -> Json:
 def crossed_texts(summary: Mapping[str, Any]) -> list[str]:
     """Return a sentence for each obstacle that is passed on the other side than the line passes it, perhaps that of oncoming traffic."""
     return [
-        f"{called(one['name'])} at s = {one['s_m']:.1f} m is passed on the {one['side']}, the line passes it on the "
+        f"{called(one['name'])} at s = {one['s_m']:z.1f} m is passed on the {one['side']}, the line passes it on the "
         f"{Side(one['side']).other}: a property pass = {Side(one['side']).other} keeps to that side"
         for one in summary["passed"]
         if one["crossed"]

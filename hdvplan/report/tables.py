@@ -84,7 +84,7 @@ def breach_table(breaches: Sequence[Json]) -> Table:
     columns = ["from [m]", "to [m]", "deepest [m]", "depth [m]", "side", "body", "part"]
     rows = []
     for breach in listed:
-        place = [f"{breach[name]:.1f}" for name in ("s_from", "s_to", "s_deepest")]
+        place = [f"{breach[name]:z.1f}" for name in ("s_from", "s_to", "s_deepest")]
         rows.append([*place, f"{breach['depth_m']:.3f}", breach["side"], breach["unit"], breach["part"]])
     if any(breach["binds"] for breach in listed):
         columns.append("binds")
@@ -101,7 +101,7 @@ def breach_table(breaches: Sequence[Json]) -> Table:
 def _narrowest_rows(facts: RoadFacts) -> list[tuple[str, str, str, str]]:
     if facts.narrowest is None:
         return []
-    return [("narrowest limits", f"{facts.narrowest:.2f}", "m", f"apart, first at s = {facts.narrowest_s:.1f} m")]
+    return [("narrowest limits", f"{facts.narrowest:.2f}", "m", f"apart, first at s = {facts.narrowest_s:z.1f} m")]
 
 
 def _line_rows(road: Road) -> list[tuple[str, str, str, str]]:
@@ -109,7 +109,7 @@ def _line_rows(road: Road) -> list[tuple[str, str, str, str]]:
     rows = []
     if road.about is not None and road.about.reading and road.limits is not None:
         corners = road.about.corners
-        listed = some_of((f"{corner.s:.0f}" for corner in corners), _MOST_CORNERS)
+        listed = some_of((f"{corner.s:z.0f}" for corner in corners), _MOST_CORNERS)
         rest = "the rest as a curve" if corners else "points as a curve"
         rest = "points joined by chords" if road.about.reading == Corners.SHARP else rest
         where = f"s = {listed} m, " if corners else ""
@@ -123,7 +123,7 @@ def _smoothing_remark(smoothing: Smoothing) -> str:
     """Return what smoothing did, in words."""
     dropped = f", {smoothing.duplicates} duplicate" + ("s" if smoothing.duplicates > 1 else "") if smoothing.duplicates else ""
     return (
-        f"smoothed {smoothing.points} points{dropped}; most at s = {smoothing.max_deviation_s:.1f} m, rms {smoothing.rms_deviation:.2f} m"
+        f"smoothed {smoothing.points} points{dropped}; most at s = {smoothing.max_deviation_s:z.1f} m, rms {smoothing.rms_deviation:.2f} m"
     )
 
 
@@ -133,7 +133,7 @@ def _limits_remark(summary: Json) -> str:
     if not summary["breaches"]:
         return "limits kept"
     deepest = max(summary["breaches"], key=lambda breach: float(breach["depth_m"]))
-    return f"limits broken by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:.1f} m"
+    return f"limits broken by {deepest['depth_m']:.3f} m at s = {deepest['s_deepest']:z.1f} m"
 
 
 def _plans_remark(summary: Json) -> str:
@@ -148,7 +148,7 @@ def _plans_remark(summary: Json) -> str:
 def facts_table(road: Road, facts: RoadFacts) -> Table:
     """Return a road's numbers."""
     bends = facts.max_curvature > _STRAIGHT_PER_M
-    curvature = f"radius {1.0 / facts.max_curvature:.2f} m, at s = {facts.max_curvature_s:.1f} m" if bends else "straight"
+    curvature = f"radius {1.0 / facts.max_curvature:.2f} m, at s = {facts.max_curvature_s:z.1f} m" if bends else "straight"
     rows = [
         ("length", f"{facts.length:.1f}", "m", "closed" if facts.closed else ""),
         ("largest curvature", f"{facts.max_curvature:.4f}", "1/m", curvature),
@@ -174,7 +174,7 @@ def findings_table(fits: list[Fit]) -> list[Table]:
         for finding in fit.findings[:_MOST_FINDINGS]:
             what, digits = _TROUBLES[str(finding.trouble)]
             numbers = [f"{value:.{digits}f}" if digits else "" for value in (finding.available, finding.needed)]
-            rows.append((fit.vehicle, f"{finding.s_from:.1f}", f"{finding.s_to:.1f}", what, *numbers))
+            rows.append((fit.vehicle, f"{finding.s_from:z.1f}", f"{finding.s_to:z.1f}", what, *numbers))
     left_out = sum(max(0, len(fit.findings) - _MOST_FINDINGS) for fit in fits)
     caption = f"the first {_MOST_FINDINGS} of each; --json lists {left_out} more" if left_out else None
     columns = ("vehicle", "from [m]", "to [m]", "what", "has", "needs")

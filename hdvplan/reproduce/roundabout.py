@@ -79,7 +79,7 @@ def _rows(planned: Result, believed: Result, curves: dict[str, FloatArray]) -> t
         steady = (s >= CONSTANT_M[0]) & (s <= CONSTANT_M[1])
         at = int(np.argmax(np.abs(off)))
         anywhere = (
-            f"at s = {s[at]:.1f} m: not explained: theirs swings a little earlier, and no smoothness weight from 1e2 to 1e4 removes it"
+            f"at s = {s[at]:z.1f} m: not explained: theirs swings a little earlier, and no smoothness weight from 1e2 to 1e4 removes it"
         )
         rows.append(Row(f"{words} off theirs, largest", unit, Number(0.0, 0.0), float(np.abs(off[at])), anywhere, counted=False))
         largest = float(np.max(np.abs(off[steady])))

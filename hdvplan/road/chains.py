@@ -28,7 +28,7 @@ class Bridge(NamedTuple):
         """Return what is told of it."""
         (x, y), (to_x, to_y) = self.ends
         begin, end = np.mod(self.s, path.length) if path.closed else self.s
-        where = f"from s = {begin:.1f} to {end:.1f} m" if abs(end - begin) > GAP_M else f"beside s = {begin:.1f} m"  # of a side street
+        where = f"from s = {begin:z.1f} to {end:z.1f} m" if abs(end - begin) > GAP_M else f"beside s = {begin:z.1f} m"  # of a side street
         apart = f"no edge on the {side} for {np.hypot(to_x - x, to_y - y):.1f} m {where}"
         return f"{apart}, x {x:.1f}, y {y:.1f} to x {to_x:.1f}, y {to_y:.1f}: it is straight there; if not so, draw it"
 
@@ -95,4 +95,4 @@ def gaps(pieces: list[Kerb], length: float, side: str) -> list[str]:
         return [f"no edge on the {side}: it is open to {OPEN_M:g} m"]
     ends = (0.0, min(float(piece.s[0]) for piece in pieces)), (max(float(piece.s[-1]) for piece in pieces), length)
     stretches = ((begin, end) for begin, end in ends if end - begin > GAP_M)
-    return [f"no edge on the {side} from s = {begin:.1f} to {end:.1f} m: it goes on straight there" for begin, end in stretches]
+    return [f"no edge on the {side} from s = {begin:z.1f} to {end:z.1f} m: it goes on straight there" for begin, end in stretches]

@@ -183,7 +183,7 @@ def _refuse_wall(path: ReferencePath, s: FloatArray, offset: FloatArray, crossin
         if all(np.max(along[side]) > OVERLAP_M for side in (offset > 0.0, offset <= 0.0)) and np.min(along) > -OVERLAP_M:
             return
     at = here % path.length if path.closed else here
-    msg = f"a line that is drawn as an edge crosses the road's line at s = {at:.1f} m: it would close the street"
+    msg = f"a line that is drawn as an edge crosses the road's line at s = {at:z.1f} m: it would close the street"
     raise RoadError(msg, hint="take it out of the edges, or break it there", s_m=at)
 
 

@@ -54,7 +54,7 @@ def offset_road(road: Road, offset: float) -> Road:
     if np.any(bad):
         at = float(s[np.argmin(np.where(bad, stretch, np.inf))])
         radius = 1.0 / abs(float(path.at(at).curvature))
-        msg = f"an offset of {offset:g} m comes too near the centre of the bend at s = {at:.1f} m, whose radius is {radius:.2f} m"
+        msg = f"an offset of {offset:g} m comes too near the centre of the bend at s = {at:z.1f} m, whose radius is {radius:.2f} m"
         raise RoadError(msg, s_m=at, hint="choose a smaller --offset, or allow a wider bend with --smooth")
     along = s - offset * (np.unwrap(here.heading) - here.heading[0])
     moved = _moved(path, offset, s, along)
@@ -85,7 +85,7 @@ def _refuse_outside(limits: Limits, offset: float) -> None:
     for beyond, side in ((limits.left <= 0.0, "left"), (limits.right >= 0.0, "right")):
         if np.any(beyond):
             at = float(limits.s[np.argmax(beyond)])
-            msg = f"an offset of {offset:g} m lies beyond the road's own {side} limit at s = {at:.1f} m"
+            msg = f"an offset of {offset:g} m lies beyond the road's own {side} limit at s = {at:z.1f} m"
             raise RoadError(msg, s_m=at, hint="choose a smaller --offset; left is positive")
 
 

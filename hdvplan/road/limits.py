@@ -35,7 +35,7 @@ class Limits:
         ):
             if np.any(bad):
                 s = float(self.s[int(np.argmax(bad))])
-                msg = f"{what} at s = {s:.1f} m"
+                msg = f"{what} at s = {s:z.1f} m"
                 raise RoadError(msg, s_m=s)
 
     @classmethod

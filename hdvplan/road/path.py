@@ -88,7 +88,7 @@ class ReferencePath:
         outside = (s < self.s_first - 1e-9) | (s > self.s_last + 1e-9)
         if np.any(outside):
             at = float(s[outside].flat[0])
-            msg = f"s = {at:.2f} m lies outside the path, which reaches from {self.s_first:.2f} to {self.s_last:.2f} m"
+            msg = f"s = {at:z.2f} m lies outside the path, which reaches from {self.s_first:.2f} to {self.s_last:.2f} m"
             raise RoadError(msg, s_m=at)
         table = evaluate_many(self, s.ravel())
         shaped = table.reshape(5, *s.shape)
@@ -121,11 +121,11 @@ class ReferencePath:
             at = int(np.argmin(found))
             at_s, beyond, aside = float(kept[at]), float(s[at] - kept[at]), float(offset[at])
             where = "before the beginning" if beyond < 0.0 else "beyond the end"
-            msg = f"a point lies {abs(beyond):.2f} m {where} of the path, at s = {at_s:.2f} m"
+            msg = f"a point lies {abs(beyond):.2f} m {where} of the path, at s = {at_s:z.2f} m"
             if np.isnan(aside):
                 at_s, point = float(near[at]), self.at(near[at])
                 aside = float(np.hypot(x[at] - point.x, y[at] - point.y))
-                msg = f"a point {aside:.2f} m from the path at s = {at_s:.2f} m has no foot near there"
+                msg = f"a point {aside:.2f} m from the path at s = {at_s:z.2f} m has no foot near there"
             raise ProjectionError(msg, s_m=at_s, offset_m=aside)
         return kept, offset
 

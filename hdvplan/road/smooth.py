@@ -184,7 +184,7 @@ def _first_line(data: FloatArray, u: FloatArray, sigma: float, *, closed: bool) 
 
 
 def _turned_back(s: float | None) -> RoadError:
-    msg = f"the line turns back on itself near s = {s:.0f} m"
+    msg = f"the line turns back on itself near s = {s:z.0f} m"
     return RoadError(msg, s_m=s, hint="remove the points that go back, or cut the road there")
 
 
@@ -245,7 +245,7 @@ def _settled(
         line, s_new = _resampled(moved, _STATION_M, closed=stations.closed)
         s = carried(s, s_old, s_new)
     at = _corner(data, u, e)
-    msg = f"no line found within {max_deviation:.2f} m of the points near s = {at:.0f} m with a radius of {1 / max_curvature:.1f} m"
+    msg = f"no line found within {max_deviation:.2f} m of the points near s = {at:z.0f} m with a radius of {1 / max_curvature:.1f} m"
     raise RoadError(msg, s_m=at, hint="allow more with --smooth, or remove the points that make the line turn so sharply")
 
 
@@ -259,7 +259,7 @@ def _corner(data: FloatArray, u: FloatArray, e: FloatArray) -> float:
 
 def _sharp_corner(at: float, max_deviation: float, needed: float, max_curvature: float) -> RoadError:
     msg = (
-        f"the corner at s = {at:.0f} m cannot be rounded to a radius of {1 / max_curvature:.1f} m"
+        f"the corner at s = {at:z.0f} m cannot be rounded to a radius of {1 / max_curvature:.1f} m"
         f" within {max_deviation:.2f} m; it needs {needed:.2f} m"
     )
     return RoadError(msg, s_m=at, hint=f"--smooth {np.ceil(10.0 * needed + 0.1) / 10.0:.1f}")

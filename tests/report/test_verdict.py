@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
+import hdvplan
 from hdvplan.answers import LINE
 from hdvplan.api import plan
 from hdvplan.case import Case
@@ -137,3 +139,13 @@ def test_the_title_and_the_summary_say_the_same(bus: Result, kerbed: Result) -> 
         assert word in verdict_title(result, verdict)
         assert (told["text"], told["word"], told["fits"]) == (line(result), word, verdict.fits)
         assert (told["spare_m"], told["s_m"]) == (verdict.spare, verdict.s)
+
+
+def test_a_place_just_before_the_road_is_never_at_minus_zero(bus: Result) -> None:
+    verdict = replace(verdict_of(bus), s=-0.04, x=-0.02)
+    assert verdict_title(bus, verdict).endswith(" at s = 0 m")
+    assert " at s = 0.0 m, " in verdict_line(bus, verdict)
+    assert verdict_details(bus, verdict).startswith("at x 0.0, ")
+    package = Path(hdvplan.__file__).parent
+    rounded = [path.name for path in package.rglob("*.py") if re.search(r"\bs = \{[^{}]*:\.\d+f\}", path.read_text(encoding="utf-8"))]
+    assert rounded == []  # of an arclength: format it as z.1f
