@@ -165,7 +165,7 @@ class Together:
         """Replace the files in ``directory``, made if need be, by those that ``write`` writes; of the other ``names`` none stays.
 
         All are written aside first: whatever ends the process leaves the former result or the new one, which ``settle`` completes.
-        ``write`` receives that folder and writes all files called ``written``.
+        ``write`` receives that folder and writes all files called ``written``. Processes write into one folder one after the other.
 
         Raises:
             OptionError: files of these names are there that hdvplan did not write.
@@ -173,6 +173,10 @@ class Together:
 
         """
         directory.mkdir(parents=True, exist_ok=True)
+        with locked(directory):
+            self._fill(directory, written, write)
+
+    def _fill(self, directory: Path, written: Collection[str], write: Callable[[Path], None]) -> None:
         settle(directory)
         self._refuse_foreign(directory, written)
         for left in directory.glob(f"{_NEW}.*"):  # of a killed run

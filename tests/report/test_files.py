@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
@@ -18,7 +20,7 @@ from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.columns import Column, table_bytes
 from hdvplan.errors import OptionError
-from hdvplan.fileio import json_bytes, settle, write_atomically
+from hdvplan.fileio import Together, json_bytes, read_json, settle, write_atomically
 from hdvplan.judging.result import Result
 from hdvplan.report.files import Table, drawn_bytes, envelope_table, limits_json, path_table, profile_table, steps_table, write_plan
 from hdvplan.report.planfiles import read_plan
@@ -206,3 +208,24 @@ def test_pictures_come_in_the_formats_asked_for(bus: Result, tmp_path: Path) -> 
     assert b">bus on uturn" in svg  # text stays text
     assert not (tmp_path / "plan.png").exists()
     assert drawn_bytes(bus, "svg") == svg  # the same plan, the same file
+
+
+def test_of_two_that_write_into_one_folder_at_once_each_ends_whole_and_the_last_one_wins(tmp_path: Path) -> None:
+    together = Together("last.json", ("first.txt", "last.json"), {"last.json": "mark"})
+
+    def contents(word: str) -> dict[str, Callable[[], bytes]]:
+        return {"first.txt": word.encode, "last.json": lambda: json_bytes({"mark": word})}
+
+    with ThreadPoolExecutor() as pool:
+
+        def begin_another() -> bytes:
+            others.append(pool.submit(together.write, tmp_path, contents("two")))
+            wait(others, timeout=0.3)  # it would take milliseconds
+            return b"one"
+
+        others = list[Future[None]]()
+        together.write(tmp_path, contents("one") | {"first.txt": begin_another})
+        others[0].result()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["first.txt", "last.json"]
+    assert (tmp_path / "first.txt").read_text(encoding="utf-8") == "two"
+    assert read_json(tmp_path / "last.json") == {"mark": "two"}
