@@ -11,7 +11,7 @@ import scipy  # its subpackages load when they are first used
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.centring.weights import CentringTable
 from hdvplan.driving.drive import POSE_SPACING_M, Drive, simulate
-from hdvplan.driving.given import PLANE_HINT, GivenPath
+from hdvplan.driving.given import PLANE_HINT, GivenPath, unit_hint
 from hdvplan.driving.start import start_of
 from hdvplan.errors import OptionError, PlanError, RoadError
 from hdvplan.planning.objectives import Objective
@@ -229,7 +229,7 @@ def _feet(line: ReferencePath, length: float, curve: _Curve) -> FloatArray:
         found = project_many(line, np.array([x]), np.array([y]), np.array([near + step]))
         if not np.isfinite(found[1, 0]) or abs(found[1, 0]) > _FAR_M or (number and found[0, 0] <= feet[0, number - 1]):
             msg = f"at {curve.named(number)}, near s = {near:z.1f} m, the path does not go forwards along the road"
-            raise RoadError(msg, s_m=near, hint="it runs beside the road's line, in its direction")
+            raise RoadError(msg, s_m=near, hint=unit_hint(points, line, length) or "it runs beside the road's line, in its direction")
         feet[:, number], near = found[:2, 0], float(found[0, 0])
         step = float(np.hypot(*(points[number + 1] - points[number]))) if number + 1 < len(points) else 0.0
     return feet
@@ -248,7 +248,7 @@ def _refuse_far(road: Road, points: FloatArray) -> None:
     apart = np.hypot(there.x - points[0, 0], there.y - points[0, 1]) if len(points) else np.zeros(1)
     if np.min(apart - limits) > _BEGINS_M:
         msg = f"the path begins {np.min(apart):.0f} m away from the road's line"
-        raise RoadError(msg, hint=f"{PLANE_HINT}; {ELSEWHERE_HINT}")
+        raise RoadError(msg, hint=unit_hint(points, road.path, road.path.length) or f"{PLANE_HINT}; {ELSEWHERE_HINT}")
 
 
 def _refuse_sharp(curve: _Curve, at: FloatArray, vehicle: Vehicle, s: FloatArray) -> None:

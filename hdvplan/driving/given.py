@@ -12,11 +12,13 @@ import numpy as np
 from hdvplan.arrays import BoolArray, FloatArray, running
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.fileio import read_json
+from hdvplan.lengths import METRES
 from hdvplan.road.columns import unread_note
 from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat, parse_crs
 from hdvplan.road.given import GivenLine, given_line
 from hdvplan.road.load import find_road
 from hdvplan.road.load_csv import read_columns
+from hdvplan.road.path import ReferencePath
 from hdvplan.vehicle.model import Vehicle
 
 PLANE_HINT = "its x and y are in the plane of the road's path (`plane` in summary.json), as path.csv is; or give lon and lat"
@@ -26,6 +28,7 @@ _TURNS = 5e-3  # points that turn by themselves by less are rounded [rad]: 1 cm 
 _REACH = 3  # chords beside others; further on, a spline has a fiftieth left of what such a point does to it
 _LINES = (".gpx", ".kml", ".geojson")  # files of lines in longitude and latitude; any other one is a table
 _OURS, _SUMMARY = ("path.csv", "loop_worst.csv"), "summary.json"  # what we write of a path, and what says in which plane
+_LIKE = 0.1  # of a road's extent, by which that of a path in another unit may differ
 _OF_LINE = {"s", "e_y", "e_psi", "kappa", "K"}  # what path.csv says of the road's line, which is asked again
 _SHAPES = {"points": ("n", "2"), "heading": ("n",), "betas": ("n", "couplings"), "steering": ("n", "active")}
 
@@ -120,6 +123,15 @@ class GivenPath:
         turn = np.diff(np.unwrap(np.arctan2(*np.diff(self.points, axis=0).T[::-1])), prepend=0.0, append=0.0)
         alone = (np.interp(np.arange(len(self.points)), line.number, line.sharp) > 0.0) & (np.abs(turn) > _TURNS)
         return line, running(np.maximum, alone.astype(float), _REACH - 1, _REACH)[:-1] > 0.0
+
+
+def unit_hint(points: FloatArray, road: ReferencePath, length: float) -> str:
+    """Return which unit other than metres ``points`` (n, 2) seem to have, as they extend so many times as far as the road; "" if none."""
+    own, whole = (
+        float(np.max(np.ptp(one, axis=0))) for one in (points, np.column_stack(road.to_plane(np.linspace(0.0, length, 100), 0.0)))
+    )
+    unit = next((name for name, metres in METRES.items() if name != "m" and abs(own * metres - whole) < _LIKE * whole), None)
+    return "" if unit is None else f"it extends over {own:.0f} m, the road over {whole:.0f} m: are its coordinates {unit}? Give metres"
 
 
 def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = None) -> GivenPath:
