@@ -75,7 +75,7 @@ def first(steps: Steps, _: np.random.Generator) -> Steps:
 
 
 def names(comparison: Comparison) -> set[str]:
-    return {quantity_words(one) for one in comparison.found if one.verdict is GateVerdict.REGRESSED}
+    return {quantity_words(one) for one in comparison.found if one.is_worse}
 
 
 @pytest.mark.parametrize("seed", range(1, 6))
@@ -112,7 +112,57 @@ def uneven(steps: Steps, random: np.random.Generator) -> Steps:
     return replace(steps, outer=steps.outer * np.exp(random.normal(0.0, 0.15)))  # around the planner, in each process otherwise
 
 
-@pytest.mark.parametrize("pairs", [5, 10])
+def halves(seed: int, pairs: int, *, stalls: bool) -> Comparison:
+    """Return the comparison of two cells of ten steps in three rounds: the second becomes 100 times as fast, the first may stall."""
+    random = np.random.default_rng(seed)
+    depot, yard = CELLS[:2]
+
+    def process(*, new: bool) -> dict[Name, Steps]:
+        speed = np.exp(random.normal(0.0, 0.013))
+        total = speed * 1e-3 * np.exp(np.abs(random.normal(0.0, 0.03, (2, 3, 10))))
+        stalled = np.where(random.random((3, 10)) < 0.1, 0.06, 0.0) if new and stalls else 0.0
+        return {depot: Steps(total[0] + stalled, np.empty((0, 0))), yard: Steps(total[1] / (100.0 if new else 1.0), np.empty((0, 0)))}
+
+    base, new = (Side(NO_COUNTERS, tuple(process(new=new) for _ in range(pairs))) for new in (False, True))
+    return compare(base, new, Rule(), Tolerance(), expect_changes=False)
+
+
+def test_a_faster_cell_does_not_pay_for_the_stalls_of_another() -> None:
+    found = [halves(seed, 10, stalls=True) for seed in range(20)]
+    caught = [comparison for comparison in found if comparison.verdict is GateVerdict.REGRESSED]
+    assert len(caught) >= 18  # one process in 25 has no stall in its 30 steps; where two of ten have none, more pairs are needed
+    assert not [comparison for comparison in found if comparison.verdict is GateVerdict.FINE]
+    for comparison in caught:
+        assert {one.cell for one in comparison.found if one.is_worse} == {CELLS[0]}
+        assert "1 of 2 cells slower in p99, most bend bus rti riccati: " in verdict_line(comparison, Rule())
+        assert {row[:2] for row in wrong_rows(comparison)} >= {("bend bus rti riccati", "p99 [ms]")}
+        told = comparison_json(comparison, Rule())["statistics"]
+        assert isinstance(told, list)
+        assert {one["cell"] for one in told if one["verdict"] == "regressed"} == {"bend bus rti riccati"}
+        suite = fromstring(junit_xml(comparison, Rule()))  # noqa: S314 - our own
+        red = {(case.get("classname"), case.get("name")) for case in suite.iter("testcase") if case.find("failure") is not None}
+        assert ("p99", "bend bus rti riccati") in red
+        assert "p99 of bend bus rti riccati [ms]" in comparison_markdown(comparison, Rule()).replace("\\", "")
+    assert all(halves(seed, pairs, stalls=False).verdict is GateVerdict.FINE for pairs in (5, 10) for seed in range(20))
+
+
+def stalling(steps: Steps, random: np.random.Generator) -> Steps:
+    return added(steps, np.asarray(random.choice([0.0, 5e-3], steps.total.shape, p=[0.99, 0.01]), np.float64))
+
+
+@pytest.mark.slow
+def test_programs_that_both_stall_now_and_then_are_called_worse_in_at_most_one_comparison_of_a_hundred() -> None:
+    found = []
+    for seed in range(300):
+        base, new = (side(2 * seed + 1000 + number, stalling) for number in (0, 1))
+        found.append(compare(base, new, Rule(), Tolerance(), expect_changes=False).verdict)
+    assert found.count(GateVerdict.FINE) >= 270  # some leave a doubt that more pairs settle
+    assert (
+        found.count(GateVerdict.REGRESSED) <= 5
+    )  # 1.5 are expected at the look after ten pairs; 5 is three standard deviations of a count more
+
+
+@pytest.mark.parametrize("pairs", [10, 20])  # five leave a doubt
 def test_what_could_not_be_seen_is_not_called_fine(pairs: int) -> None:
     quiet, noisy = (
         compare(side(0, change, pairs), side(1, change, pairs), Rule(), Tolerance(), expect_changes=False) for change in (unchanged, uneven)
@@ -126,12 +176,12 @@ def test_what_could_not_be_seen_is_not_called_fine(pairs: int) -> None:
     assert isinstance(told, list)
     assert {one["statistic"] for one in told if one["verdict"] == "could not see"} == unseen
     assert re.search(r"could hide in the noise, from outside \+8 %, typical \+8 %(, [^.]+)? and more\.", comparison_markdown(noisy, Rule()))
-    told_last = ", ".join(quantity_words(one) for one in noisy.found if one.decision.unseen)
+    told_last = ", ".join(dict.fromkeys(quantity_words(one) for one in noisy.found if one.decision.unseen))
     assert verdict_line(noisy, Rule()).endswith(f"; could not see a change of {told_last}")
     assert "could not" not in verdict_line(quiet, Rule())
     suite = fromstring(junit_xml(noisy, Rule()))  # noqa: S314 - our own
-    skipped = {case.get("name") for case in suite.iter("testcase") if case.find("skipped") is not None}
-    assert unseen <= skipped
+    skipped = [case for case in suite.iter("testcase") if case.find("skipped") is not None]
+    assert unseen == {case.get("name") if case.get("classname") == "whole processes" else case.get("classname") for case in skipped}
 
 
 def test_what_was_found_was_seen() -> None:

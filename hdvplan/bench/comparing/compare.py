@@ -2,91 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.counters import WORK_TOLERANCE, Change, Tolerance, changes_of
 from hdvplan.bench.comparing.decision import FEWEST, Decision, GateVerdict, Pairs, Rule, decide
-from hdvplan.bench.comparing.sides import (
-    COLD,
-    CPU,
-    IMPORT,
-    LOAD,
-    PEAK,
-    START,
-    UNREPORTED,
-    Name,
-    Processes,
-    Side,
-    alike,
-    cold_name,
-    own_changes,
-)
+from hdvplan.bench.comparing.quantities import Abouts, Quantity, Values, cut_to, fastest, of_all, of_cell, quantities, step_of
+from hdvplan.bench.comparing.sides import COLD, CPU, LOAD, START, UNREPORTED, Name, Processes, Side, alike, cold_name, own_changes
+from hdvplan.bench.suite import KEY
 from hdvplan.bench.tables import OK
 
-_GROUPS = 10  # of the rounds of a single process
 _BUSY = 0.8  # of the time of steps that is processor time, unless they wait
 _SCALES = {"ms": 1e3, "s": 1.0, "MB": 1e-6}
-Values = tuple[FloatArray, FloatArray]  # of both sides, (pairs,)
-Abouts = Sequence[Mapping[str, float]]
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A number of one process; larger is worse. A change counts if it exceeds both ``factor`` and ``floor`` (of the number's unit)."""
-
-    name: str
-    meaning: str
-    unit: str
-    factor: float
-    floor: float
-    times: str  # of what in a cell's ``Steps``; of the process as a whole, as ``Side.about`` names it
-    of: Callable[[FloatArray], float] | None = None  # one number of the times; None: of the process as a whole
-    when_cold: bool = False  # also of processes that begin with an empty home
-
-
-def step_of(rule: Rule) -> Quantity:
-    """Return the quantity of which noise prevents an answer: a cell's mean planning step."""
-    return Quantity("mean step", "every step's fastest round", "ms", rule.factor, 1e3 * rule.floor, "total", _fastest)
-
-
-def quantities(rule: Rule) -> tuple[Quantity, ...]:
-    """Return the quantities over all cells; ``rule`` says what counts for ordinary steps, and no factor is below its own."""
-
-    def at_least(factor: float) -> float:
-        return max(factor, rule.factor)
-
-    floor = 1e3 * rule.floor
-    return (
-        Quantity("from outside", "every step's fastest round, by the clock of the drive", "ms", rule.factor, floor, "outer", _fastest),
-        Quantity("typical", "every step's median round", "ms", rule.factor, floor, "outside", _typical),
-        Quantity("p99", "of all steps of all rounds", "ms", at_least(1.25), 5.0 * floor, "outside", lambda all_: np.quantile(all_, 0.99)),
-        Quantity("worst", "of all steps of all rounds", "ms", at_least(1.5), 10.0 * floor, "outside", np.max),
-        Quantity("first plan", "the fastest of the drives' first plans", "ms", at_least(1.25), 10.0 * floor, "first", np.min),
-        Quantity("import", "loading modules, in all processes that it starts", "s", at_least(1.15), 0.1, IMPORT),
-        Quantity("start-up", "until the first turn, else all beside the steps", "s", at_least(1.15), 0.1, START, when_cold=True),
-        Quantity("unreported", "in its turns, beside the steps", "s", at_least(1.15), 0.1, UNREPORTED),
-        Quantity("CPU", "processor time of the whole process", "s", at_least(1.08), 0.02, CPU, when_cold=True),
-        Quantity("memory", "largest of the processes", "MB", at_least(1.03), 20.0, PEAK),
-    )  # fmt: skip
-
-
-def _fastest(times: FloatArray) -> float:
-    return float(times.min(axis=0).mean())
-
-
-def _typical(times: FloatArray) -> float:
-    return float(np.median(times, axis=0).mean())
 
 
 @dataclass(frozen=True)
 class Entry:
-    """The decision about one quantity: of a cell, or of whole processes, whose ``cell`` is empty."""
+    """The decision about one quantity: of a cell, or of whole processes and all cells, whose ``cell`` is none."""
 
     cell: Name
     quantity: Quantity
@@ -97,6 +33,11 @@ class Entry:
     def verdict(self) -> GateVerdict:
         """The verdict on it."""
         return self.decision.verdict
+
+    @property
+    def is_of_cell(self) -> bool:
+        """Whether it is about one cell."""
+        return len(self.cell) == len(KEY)
 
     @property
     def is_worse(self) -> bool:
@@ -121,7 +62,7 @@ class Comparison:
     times: tuple[Entry, ...]  # of cells
     verdict: GateVerdict
     processes: int  # pairs of processes; of one process a side the rounds are the pairs
-    found: tuple[Entry, ...] = ()  # of whole processes, over all cells
+    found: tuple[Entry, ...] = ()  # of whole processes, over all cells, and besides the mean step of each of several cells
     failure: Failure | None = None
     expected: bool = False  # changed counters are no regression, as the user expects them
     load: float = np.nan  # the machine's load average meanwhile, where it is known
@@ -159,14 +100,17 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
     here, there = alike(base.processes, new.processes)
     cold = alike(base.cold, new.cold)
     step, pairs = step_of(rule), len(here)
-    cells = {(name, step): _of_cell(here, there, name) for name in here[0]}
-    cells |= {(cold_name(name), step): _of_cell(*cold, name) for name in cold[0][0]} if len(cold[0]) == pairs > 1 else {}
+    cells = {(name, step): of_cell(here, there, name) for name in here[0]}
+    cells |= {(cold_name(name), step): of_cell(*cold, name) for name in cold[0][0]} if len(cold[0]) == pairs > 1 else {}
     whole: dict[tuple[Name, Quantity], Values | None] = {
-        ((), one): _of_all(one, (here, base.about), (there, new.about)) for one in quantities(rule)
+        ((), one): of_all(one, (here, base.about), (there, new.about)) for one in quantities(rule)
     }
     for one in quantities(rule):
         if one.when_cold:
-            whole[(COLD,), one] = _of_all(one, (cold[0], base.cold_about), (cold[1], new.cold_about))
+            whole[(COLD,), one] = of_all(one, (cold[0], base.cold_about), (cold[1], new.cold_about))
+    if len(here[0]) > 1:  # of cells one alone, too: in their mean a faster one would pay for another's stalls
+        sides = {name: ((cut_to(here, name), ()), (cut_to(there, name), ())) for name in here[0]}
+        whole |= {(name, one): of_all(one, *both) for name, both in sides.items() for one in quantities(rule) if one.of is not None}
     judged = cells | {key: both for key, both in whole.items() if both is not None and len(both[0]) == pairs > 1}
     decisions = decide(
         [_pairs(one, both, needed=(name, one) in cells, independent=pairs > 1 and not apart) for (name, one), both in judged.items()]
@@ -185,7 +129,7 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
         tuple(replace(entry, cell=short[entry.cell]) for entry in times),
         _verdict(changes, times, found, expect_changes=expect_changes),
         min(len(base.processes), len(new.processes)),
-        found,
+        tuple(replace(entry, cell=short.get(entry.cell, entry.cell)) for entry in found),
         expected=expect_changes,
         load=_mean([about[LOAD] for side in (base, new) for about in side.about if LOAD in about]),
         elsewhere=elsewhere,
@@ -210,7 +154,7 @@ def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Co
 
 def _verdict(changes: Iterable[Change], times: Sequence[Entry], found: Iterable[Entry], *, expect_changes: bool) -> GateVerdict:
     counted = any(change.is_lost or not expect_changes for change in changes)
-    doubts = [entry for entry in found if entry.verdict is GateVerdict.UNMEASURABLE and entry.decision.pairs < FEWEST]
+    doubts = [entry for entry in found if entry.decision.is_doubtful]
     if counted or any(entry.is_worse for entry in (*times, *found)):
         return GateVerdict.REGRESSED
     return (
@@ -221,38 +165,6 @@ def _verdict(changes: Iterable[Change], times: Sequence[Entry], found: Iterable[
 def _pairs(one: Quantity, both: Values, *, needed: bool, independent: bool) -> Pairs:
     base, new = (_SCALES[one.unit] * side for side in both)
     return Pairs(base, new, one.factor, one.floor, needed, independent)
-
-
-def _of_cell(here: Processes, there: Processes, name: Name) -> Values:
-    """Return a cell's mean planning step of both sides, (pairs,) [s], every step with its fastest round.
-
-    One process has no pairs. Some of its rounds are left out in turn instead: that shows whether the minima rest on single rounds, but
-    nothing of what differs between processes.
-    """
-    sides = [[process[name].total for process in side] for side in (here, there)]
-    if len(here) == 1 and (rounds := len(sides[0][0])) > 1:
-        groups = np.array_split(np.arange(rounds), min(rounds, _GROUPS))
-        sides = [[np.delete(side[0], group, axis=0) for group in groups] for side in sides]
-    base, new = (np.array([_fastest(times) for times in side]) for side in sides)
-    return base, new
-
-
-def _of_all(one: Quantity, base: tuple[Processes, Abouts], new: tuple[Processes, Abouts]) -> Values | None:
-    """Return a quantity of both sides, (pairs,) in SI units, of cells their geometric mean; None where it is not known of all processes."""
-    if one.of is None:
-        if not all(one.times in about for _, abouts in (base, new) for about in abouts):
-            return None
-        here, there = (np.array([about[one.times] for about in abouts]) for _, abouts in (base, new))
-        return (here, there) if here.size and here.shape == there.shape else None
-    tables = [
-        np.array([[one.of(times) if (times := getattr(steps, one.times)).size else np.nan for steps in cells.values()] for cells in side])
-        for side, _ in (base, new)
-    ]
-    usable = np.all([np.isfinite(table) & (table > 0.0) for table in tables], axis=(0, 1))
-    if not np.any(usable):
-        return None
-    here, there = (np.exp(np.log(table[:, usable]).mean(axis=1)) for table in tables)
-    return here, there
 
 
 def _by_cpu(entry: Entry, found: Iterable[Entry], here: Processes, about: Sequence[Mapping[str, float]]) -> Entry:
@@ -276,7 +188,7 @@ def _share(processes: Processes, about: Abouts, name: Name) -> float:
 
     The processor time without the start must be about what all steps last, each with its fastest round.
     """
-    lasted = {cell: _mean([_fastest(one[cell].outside) * one[cell].outside.size for one in processes]) for cell in processes[0]}
+    lasted = {cell: _mean([fastest(one[cell].outside) * one[cell].outside.size for one in processes]) for cell in processes[0]}
     beside = [
         one.get(START, np.nan) + one.get(UNREPORTED, 0.0) + sum(float(np.sum(steps.first)) for steps in cells.values())
         for cells, one in zip(processes, about, strict=False)

@@ -111,6 +111,11 @@ class Decision:
         return float(np.sqrt(self.high / self.low))
 
     @property
+    def is_doubtful(self) -> bool:
+        """Whether it may well be worse, and is not proven to be: it counts, of few pairs, or all of the interval does."""
+        return self.verdict is GateVerdict.UNMEASURABLE and (self.pairs < FEWEST or self.low > self.counting)
+
+    @property
     def unseen(self) -> bool:
         """Whether nothing was found, but a change that counts could hide in the noise, which prevents no answer."""
         return (

@@ -12,7 +12,7 @@ import numpy as np
 from hdvplan.bench.comparing.compare import Comparison, Entry
 from hdvplan.bench.comparing.counters import Change
 from hdvplan.bench.comparing.decision import GateVerdict, Rule
-from hdvplan.bench.comparing.words import ALL_CELLS, change_words, comparison_markdown, quantity_words, verdict_line, word_of
+from hdvplan.bench.comparing.words import change_words, comparison_markdown, place_words, quantity_words, verdict_line, word_of
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.fileio import json_bytes, write_atomically
 
@@ -55,7 +55,8 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
         ],
         "times": [dict(zip(KEY, entry.cell, strict=True)) | _judged(entry) for entry in comparison.times],
         "statistics": [
-            {"statistic": quantity_words(one), "meaning": one.quantity.meaning, "unit": one.quantity.unit} | _judged(one)
+            {"statistic": quantity_words(one), "cell": place_words(one), "meaning": one.quantity.meaning, "unit": one.quantity.unit}
+            | _judged(one)
             for one in comparison.found
         ],
     }
@@ -83,7 +84,8 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
     for one in comparison.found:
         kind = "skipped" if one.decision.unseen else _KINDS[one.verdict]
         words = f"{word_of(one)}: {_words(one)}" if one.decision.unseen else _words(one)
-        cases.append(("whole processes", quantity_words(one), kind, words))
+        what = quantity_words(one)
+        cases.append((*((what, place_words(one)) if one.is_of_cell else ("whole processes", what)), kind, words))
     suite = Element("testsuite", name="hdvplan timing gate", tests=str(len(cases)))
     for name in ("failure", "error", "skipped"):
         suite.set({"failure": "failures", "error": "errors"}.get(name, name), str(sum(case[2] == name for case in cases)))
@@ -156,7 +158,7 @@ def _measured(comparison: Comparison) -> tuple[list[dict[str, object]], dict[str
         if not np.isfinite(found.new):
             continue
         what = quantity_words(entry)
-        name, known = f"{cell_words(entry.cell) if found.needed else ALL_CELLS}: {what}", np.isfinite(found.noise)
+        name, known = f"{place_words(entry)}: {what}", np.isfinite(found.noise)
         spread = {"range": f"± {100.0 * (found.noise - 1.0):.1f} %"} if known else {}
         benchmark.append({"name": name, "unit": unit, "value": found.new} | spread)
         bounds = {"lower_value": found.new / found.noise, "upper_value": found.new * found.noise} if known else {}

@@ -21,8 +21,8 @@ _WRONG = ("cell", "what", "base", "new", "new/base")
 _WORK = ("cell", "steps")  # changes of what is done at all
 _NUMBERS = ("base", "new", "new/base", "interval", "visible\nfrom", "verdict")  # so that 80 columns hold them
 _TIMES = (*KEY, "base [ms]", "new [ms]", *_NUMBERS[2:])
-_FOUND = (ALL_CELLS, *_NUMBERS)
-_TEXT = (*KEY, "verdict", "cell", "what", ALL_CELLS)
+_FOUND = ("what", *_NUMBERS)
+_TEXT = (*KEY, "verdict", "cell", "what")
 _WORDS = {GateVerdict.FINE: "fine", GateVerdict.REGRESSED: "slower", GateVerdict.UNMEASURABLE: "unclear"}
 _MARKS = {GateVerdict.FINE: "fine", GateVerdict.REGRESSED: "worse", GateVerdict.UNMEASURABLE: "unclear"}
 _ROWS = 30  # of what is wrong; more are counted
@@ -41,10 +41,12 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
         parts.append("the sides were measured on different machines, so their times do not count")
     if slower:
         parts.append(_longest(slower, cells, "slower"))
-    worse = sorted((one for one in comparison.found if one.is_worse), key=lambda one: -one.decision.ratio)
+    worse = sorted((one for one in comparison.found if one.is_worse and not one.is_of_cell), key=lambda one: -one.decision.ratio)
     parts += [f"{quantity_words(one)} {one.decision.ratio:.2f} times as {'much' if one.quantity.unit == 'MB' else 'long'}" for one in worse]
+    by_name = _by_name(one for one in comparison.found if one.is_worse and one.is_of_cell)
+    parts += [_longest(ones, cells, f"slower in {name}") for name, ones in by_name.items()]
     most = max((entry.decision.pairs for entry in comparison.times), default=FEWEST_PAIRS)
-    unsure = [quantity_words(one) for one in comparison.found if one.verdict is GateVerdict.UNMEASURABLE and one.decision.pairs < FEWEST]
+    unsure = _by_name(one for one in comparison.found if one.decision.is_doubtful)
     longer = [one for one in unknown if one.decision.ratio > one.decision.counting]
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
@@ -57,11 +59,11 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
         parts.append(uncertain + _could(unknown, comparison))
     if unsure:
         parts.append(f"too few processes to be sure of {', '.join(unsure)}")
-    if cells and not slower and not unknown:
+    if cells and not slower and not by_name and not unknown:
         short = any(entry.decision.counting > rule.factor for entry in comparison.times)  # the floor is more than the factor of a step
         least = f" and {1e3 * rule.floor:g} ms" if short else ""
         parts.append(f"no cell of {cells} is slower by more than a factor of {rule.factor:g}{least}")
-    unseen = [quantity_words(one) for one in comparison.found if one.decision.unseen and quantity_words(one) not in unsure]
+    unseen = [name for name in _by_name(one for one in comparison.found if one.decision.unseen) if name not in unsure]
     if unseen and comparison.verdict is not GateVerdict.REGRESSED:
         parts.append(f"could not see a change of {', '.join(unseen)}")
     return f"{comparison.verdict}: {'; '.join(parts) or 'no counter changed'}"
@@ -71,6 +73,14 @@ def _longest(entries: Sequence[Entry], cells: int, what: str) -> str:
     """Return how many of all cells did ``what``, and which by most."""
     worst = max(entries, key=lambda entry: entry.decision.ratio)
     return f"{len(entries)} of {cells} cells {what}, most {cell_words(worst.cell)}: {worst.decision.ratio:.2f} times as long"
+
+
+def _by_name(entries: Iterable[Entry]) -> dict[str, list[Entry]]:
+    """Return what was decided about, by its name: of all cells, and of each."""
+    found: dict[str, list[Entry]] = {}
+    for entry in entries:
+        found.setdefault(quantity_words(entry), []).append(entry)
+    return found
 
 
 def _changed_parts(changes: Sequence[Change]) -> list[str]:
@@ -109,7 +119,7 @@ def comparison_tables(comparison: Comparison) -> list[Table]:
         words = cell_words(group, ", ")
         tables.append(grid(f"{words}: mean planning step" if words else "mean planning step", shown, mine, text=_TEXT))
     if comparison.found:
-        tables.append(grid("whole processes", _FOUND, _rows(comparison.found), text=_TEXT))
+        tables.append(grid("whole processes", _FOUND, _rows(_notable(comparison.found)), text=_TEXT))
     if comparison.times:
         tables[-1].caption, tables[-1].caption_justify, tables[-1].caption_style = Text(_caption(comparison)), "left", ""
     return tables
@@ -127,7 +137,7 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
     if comparison.times:
         parts += ["Mean planning step:", _markdown(_TIMES, _rows(comparison.times))]
     if comparison.found:
-        parts += ["Whole processes:", _markdown(_FOUND, _rows(comparison.found))]
+        parts += ["Whole processes:", _markdown(_FOUND, _rows(_notable(comparison.found)))]
     if comparison.times:
         parts.append(_caption(comparison))
     if comparison.about:
@@ -137,11 +147,11 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
 
 def wrong_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     """Return what is wrong as rows, the worst first: lost plans, what became slower by its ratio, then other counters."""
-    rows: list[tuple[tuple[int, float], tuple[str, ...]]] = []
-    for entry in (*comparison.times, *comparison.found):
-        if entry.is_worse:
-            cell = cell_words(entry.cell) if entry.decision.needed else ALL_CELLS
-            rows.append(((1, entry.decision.ratio), (cell, f"{quantity_words(entry)} [{entry.quantity.unit}]", *_numbers(entry))))
+    rows: list[tuple[tuple[int, float], tuple[str, ...]]] = [
+        ((1, entry.decision.ratio), (place_words(entry), f"{quantity_words(entry)} [{entry.quantity.unit}]", *_numbers(entry)))
+        for entry in (*comparison.times, *comparison.found)
+        if entry.is_worse
+    ]
     rows += [
         ((2 if change.is_lost else 0, 0.0), (cell_words(change.cell), change.counter, change.base, change.new, "-"))
         for change in comparison.changes
@@ -163,6 +173,11 @@ def quantity_words(entry: Entry) -> str:
     return " ".join([entry.quantity.name, *(f"({word})" for word in entry.cell)]) if len(entry.cell) < len(KEY) else entry.quantity.name
 
 
+def place_words(entry: Entry) -> str:
+    """Return the cell that was decided about; of others that it is all."""
+    return cell_words(entry.cell) if entry.is_of_cell else ALL_CELLS
+
+
 def word_of(entry: Entry) -> str:
     """Return the verdict on a quantity in a word or two."""
     if entry.decision.unseen:
@@ -173,13 +188,19 @@ def word_of(entry: Entry) -> str:
     return f"{words[entry.verdict]}{' by CPU' if entry.by_cpu else ''}"
 
 
+def _notable(found: Iterable[Entry]) -> list[Entry]:
+    """Return what concerns all cells, and of single ones what is not fine."""
+    return [one for one in found if not one.is_of_cell or one.decision.unseen or one.verdict is not GateVerdict.FINE]
+
+
 def _rows(entries: Iterable[Entry]) -> list[tuple[str, ...]]:
     """Return cells or whole processes as rows, the largest ratio first."""
     rows = []
     for entry in sorted(entries, key=lambda entry: -entry.decision.ratio if np.isfinite(entry.decision.ratio) else np.inf):
         found = entry.decision
         interval = "-" if np.isnan(found.low) else f"{found.low:.2f}-{found.high:.2f}"
-        names = entry.cell if len(entry.cell) == len(KEY) else (f"{quantity_words(entry)} [{entry.quantity.unit}]",)
+        what = f"{quantity_words(entry)}{f' of {cell_words(entry.cell)}' if entry.is_of_cell else ''} [{entry.quantity.unit}]"
+        names = entry.cell if found.needed else (what,)
         rows.append((*names, *_numbers(entry), interval, _from(found.detectable), word_of(entry)))
     return rows
 
@@ -201,14 +222,15 @@ def _caption(comparison: Comparison) -> str:
         what = "Sides of two comparisons" if comparison.apart else f"One process a side, {pairs} rounds"
         return f"{what}: machine and hour are compared too, so nothing here proves a slower program."
     repeat = ", with the repeat that it would have called for" if comparison.processes < FEWEST else ""
-    hidden = [f"{quantity_words(one)} {_from(one.decision.counting)}" for one in comparison.found if one.decision.unseen]
-    unseen = f" Could not see: changes that count could hide in the noise, {', '.join(hidden)} and more." if hidden else ""
+    unseen = _by_name(one for one in comparison.found if one.decision.unseen)
+    hidden = [f"{name} {_from(max(one.decision.counting for one in ones))}" for name, ones in unseen.items()]
+    notes = f" Could not see: changes that count could hide in the noise, {', '.join(hidden)} and more." if hidden else ""
     by_cpu = any(one.by_cpu for one in comparison.times)
-    unseen += " By CPU: the processor time leaves no room for a change that counts." if by_cpu else ""
+    notes += " By CPU: the processor time leaves no room for a change that counts." if by_cpu else ""
     return (
         f"Every step with its fastest round; base and new are, in each row, of the pair of processes with the middle ratio of {pairs}, "
         "the interval is that of the median. Visible from: the smallest slowdown that these pairs would have shown 9 times out of "
-        f"10{repeat} (- where there are too few).{unseen}"
+        f"10{repeat} (- where there are too few).{notes}"
     )
 
 
