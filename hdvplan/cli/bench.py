@@ -62,7 +62,8 @@ def bench(
     With --against: two roads, riccati and six rounds; five fresh processes for each side, which take turns, ten if a repeat is needed,
     more where noise hides the answer.
     Exit codes then: 0 fine; 1 something became slower, counters changed, or the new program does not run; 2 bad input; 3 could not
-    measure: noise, or a base that does not run. DIR has the result as JSON, JUnit XML, Markdown and for dashboards.
+    measure: noise, with --strict in any quantity, or a base that does not run. DIR has the result as JSON, JUnit XML, Markdown and for
+    dashboards.
     """
     options.check(files, given, decision)
     json, quiet, out = report.json, report.quiet, files.out
@@ -75,7 +76,7 @@ def bench(
     given |= {"limits": False} if no_limits else {}
     if options.against is not None:
         with told_to_programs(report):
-            return gate(options.against, measured(suite, given, options), out, decision, report)
+            return gate(options.against, measured(suite, given, options), out, decision, report, strict=options.strict)
     entries = read_suite(suite) if suite else {}
     wanted = suite_of(entries | given)
     check_objective(wanted.objective)

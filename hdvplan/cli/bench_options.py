@@ -55,7 +55,7 @@ class Decision:
             if not seconds >= 0.0 or (seconds == 0.0 and name == "--time-limit"):
                 msg = f"{name} must be a positive number of seconds, not {seconds:g}"
                 raise OptionError(msg)
-        return Settings(self.rule(), self.expect_changes, self.patience, self.time_limit)
+        return Settings(self.rule(), self.expect_changes, patience=self.patience, time_limit=self.time_limit)
 
     def words(self) -> list[str]:
         """Return the options that make another decision than the usual one."""
@@ -90,7 +90,9 @@ class BenchOptions:
     extras: Annotated[str | None, Setting("With --command: install these extras of the project, too, on both sides.", "NAME,...")] = None
     counters: Annotated[Path | None, Setting("Compare iterations, sizes and envelopes with a committed baseline.", "FILE.csv")] = None
     renew: Annotated[bool, Setting("Write FILE.csv of --counters instead of comparing.")] = False
-    strict: Annotated[bool, Setting("End with exit code 1 if a cell is not ok.")] = False
+    strict: Annotated[
+        bool, Setting("End with exit code 1 if a cell is not ok; with --against with 3 if noise could hide a change of anything.")
+    ] = False
 
     def check(self, files: BenchFiles, given: Mapping[str, object], decision: Decision) -> None:
         """Refuse options that contradict each other; ``given`` are those of the suite.
@@ -112,8 +114,8 @@ class BenchOptions:
             (self.extras is not None and self.command is None, "--extras needs --command", None),
             (self.renew and self.counters is None, "--renew needs --counters", None),
             (
-                self.strict and (compared or self.counters is not None or files.export_qps is not None),
-                "--strict speaks of a benchmark's own cells: with --against, --counters and --export-qps exit codes say more",
+                self.strict and (self.counters is not None or files.export_qps is not None),
+                "--strict speaks of a benchmark's own cells, or of --against: with --counters and --export-qps exit codes say more",
                 "leave out --strict",
             ),
             (

@@ -19,7 +19,7 @@ from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import HdvplanError, OptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     import pandas as pd
 
@@ -168,7 +168,7 @@ def measured(suite: Path | None, given: Mapping[str, object], options: BenchOpti
     return wanted
 
 
-def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision, report: Report) -> ExitCode:
+def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision, report: Report, *, strict: bool) -> ExitCode:
     """Measure this program and another in turn into ``out``, show how they compare, and leave reports for other programs.
 
     Raises:
@@ -181,8 +181,8 @@ def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision,
 
     if not isinstance(work, CommandWork):
         _check(work)
-    settings, quiet = decision.settings(), report.quiet
-    again = _again(against, work, decision, out)
+    settings, quiet = replace(decision.settings(), strict=strict), report.quiet
+    again = _again(against, work, [*decision.words(), *["--strict"] * strict], out)
     try:
         with progress("measuring", quiet=quiet, undisturbed=True) as on_progress:
             comparison = guard(against, work, settings, out, Listener(lambda step: note(step, quiet=quiet), on_progress))
@@ -233,14 +233,14 @@ def _check(suite: Suite) -> None:
         warn(f"this hdvplan cannot load what the suite names: {type(error).__name__}: {error}")
 
 
-def _again(against: str, wanted: Suite | CommandWork, decision: Decision, out: Path) -> str:
+def _again(against: str, wanted: Suite | CommandWork, words: Sequence[str], out: Path) -> str:
     """Return the command that measures the same again."""
     from hdvplan.bench.comparing.work import CommandWork
 
     what = ["--suite", str(out / "suite.toml")]
     if isinstance(wanted, CommandWork):
         what = ["--command", shlex.join(wanted.words), *(("--extras", ",".join(wanted.extras)) if wanted.extras else ())]
-    return shlex.join(["hdvplan", "bench", "--against", against, *what, *decision.words(), "--out", f"{out}-again"])
+    return shlex.join(["hdvplan", "bench", "--against", against, *what, *words, "--out", f"{out}-again"])
 
 
 def hold_to(counters: Path, baseline: pd.DataFrame | None, out: Path, report: Report) -> int:

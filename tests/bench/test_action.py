@@ -105,6 +105,7 @@ def test_the_gate_is_run_with_the_inputs_as_words_and_its_verdict_is_that_of_the
     assert (runner.folder / "output").read_text(encoding="utf-8") == f"code={ends}\n"
     assert not (runner.folder / "owned").exists()
     assert runner.run("verdict", values(runner, code=ends))[0] == code
+    assert runner.run("verdict", values(runner, code=ends, options="--patience 60\n--strict"))[0] == int(ends)
 
 
 def test_a_comment_is_posted_once_then_replaced_and_a_fork_that_may_not_is_no_error(runner: Runner) -> None:

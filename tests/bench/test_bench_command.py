@@ -260,7 +260,7 @@ REFUSED = [
     (("--export-qps", "qps", "--counters", "c.csv"), "so --against, --counters and --plot do not apply"),
     (("--export-qps", "qps", "--plot", "b.png"), "so --against, --counters and --plot do not apply"),
     ((*AGAINST, "--counters", "c.csv"), "not with a file"),
-    ((*AGAINST, "--strict"), "exit codes say more"),
+    (("--counters", "c.csv", "--strict"), "exit codes say more"),
     ((*AGAINST, "--command", "true"), "do not apply"),
     ((*AGAINST, "--roads", "nowhere"), "nowhere"),
     ((*AGAINST, "--solvers", "osqpp"), "unknown solver"),

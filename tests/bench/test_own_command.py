@@ -313,6 +313,32 @@ print(json.dumps({{"cells": {{"depot": [0.001, 0.002]}}}}))
 """
 
 
+# Its worst step is four times as long in every second pair or so, on either side.
+UNEVEN = """
+import json, pathlib
+diary = pathlib.Path({diary!r})
+with diary.open("a") as file:
+    file.write("x")
+worst = 0.001 if diary.stat().st_size % 8 in (1, 2, 4, 7) else 0.004
+print(json.dumps({{"cells": {{"depot": [[0.001] * 9 + [worst], [0.001] * 10]}}}}))
+"""
+
+
+@pytest.mark.slow
+def test_what_could_not_be_seen_is_no_answer_where_it_is_asked_for_strictly(
+    cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(theirs)
+    (theirs / "ours.py").write_text(UNEVEN.format(diary=str(theirs.parent / "diary")), encoding="utf-8")
+    git(theirs, "commit", "--quiet", "--all", "--message", "two")
+    command = ("--command", f"{sys.executable} ours.py", "--patience", "0", "--json", "--out", str(theirs.parent / "gate"))
+    for strict, code, verdict in (((), 0, "fine"), (("--strict",), 3, "could not measure")):
+        outcome = cli("bench", "--against", "HEAD", *command, *strict)
+        told = json.loads(outcome.out)
+        assert (outcome.code, told["verdict"], "--strict" in told["again"]) == (code, verdict, bool(strict)), outcome.err
+        assert "could not see a change of typical, p99, worst" in told["summary"]
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="turns are given by descriptors that a process inherits")
 def test_a_command_of_ones_own_can_take_turns(cli: Cli, theirs: Path, monkeypatch: pytest.MonkeyPatch) -> None:

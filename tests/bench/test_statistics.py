@@ -179,6 +179,12 @@ def test_what_could_not_be_seen_is_not_called_fine(pairs: int) -> None:
     told_last = ", ".join(dict.fromkeys(quantity_words(one) for one in noisy.found if one.decision.unseen))
     assert verdict_line(noisy, Rule()).endswith(f"; could not see a change of {told_last}")
     assert "could not" not in verdict_line(quiet, Rule())
+    strictly = [
+        compare(side(0, change, pairs), side(1, change, pairs), Rule(), Tolerance(), expect_changes=False, strict=True)
+        for change in (unchanged, uneven)
+    ]
+    assert [(one.verdict, one.is_settled) for one in strictly] == [(GateVerdict.FINE, True), (GateVerdict.UNMEASURABLE, False)]
+    assert verdict_line(strictly[1], Rule()) == verdict_line(noisy, Rule()).replace("fine", "could not measure", 1)
     suite = fromstring(junit_xml(noisy, Rule()))  # noqa: S314 - our own
     skipped = [case for case in suite.iter("testcase") if case.find("skipped") is not None]
     assert unseen == {case.get("name") if case.get("classname") == "whole processes" else case.get("classname") for case in skipped}

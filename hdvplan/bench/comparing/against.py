@@ -58,6 +58,7 @@ class Settings:
 
     rule: Rule
     expect_changes: bool
+    strict: bool = False
     patience: float = PATIENCE_S
     time_limit: float = TIME_LIMIT_S
 
@@ -188,7 +189,8 @@ def compared(out: Path, settings: Settings) -> Comparison:
             sides[side] = read_side(out / side)
         except OptionError as error:  # what was measured a moment ago: its program wrote something else
             return failed(side, str(error), "")
-    return compare(sides[SIDES[0]], sides[SIDES[1]], settings.rule, Tolerance(), expect_changes=settings.expect_changes)
+    flags = {"expect_changes": settings.expect_changes, "strict": settings.strict}
+    return compare(sides[SIDES[0]], sides[SIDES[1]], settings.rule, Tolerance(), **flags)
 
 
 def _neither(failure: MeasurementError) -> OptionError:

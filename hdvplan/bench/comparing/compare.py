@@ -64,6 +64,7 @@ class Comparison:
     processes: int  # pairs of processes; of one process a side the rounds are the pairs
     found: tuple[Entry, ...] = ()  # of whole processes, over all cells, and besides the mean step of each of several cells
     failure: Failure | None = None
+    strict: bool = False  # what could not be seen prevents an answer
     expected: bool = False  # changed counters are no regression, as the user expects them
     load: float = np.nan  # the machine's load average meanwhile, where it is known
     about: str = ""  # which programs these were, and on what machine
@@ -79,12 +80,14 @@ class Comparison:
     def is_settled(self) -> bool:
         """Whether more pairs could change nothing: the times are fine, or something is proven to be worse."""
         entries = [*self.times, *self.found]
-        fine = all(entry.verdict is GateVerdict.FINE for entry in entries)
+        fine = all(entry.verdict is GateVerdict.FINE and not (self.strict and entry.decision.unseen) for entry in entries)
         return fine or (self.processes >= FEWEST and self.verdict is GateVerdict.REGRESSED)
 
 
-def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_changes: bool) -> Comparison:
+def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_changes: bool, strict: bool = False) -> Comparison:
     """Return what differs between two sides; changed counters are a regression unless ``expect_changes``.
+
+    What could not be seen prevents no answer unless ``strict``.
 
     What was planned before and is not any more is one in any case. Times are compared over the rounds and steps that both sides have. All
     are judged together: the more there are, the better the pairs of processes must agree in one of them. Of different machines counters
@@ -127,9 +130,10 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
             for change in changes
         ),
         tuple(replace(entry, cell=short[entry.cell]) for entry in times),
-        _verdict(changes, times, found, expect_changes=expect_changes),
+        _verdict(changes, times, found, expect_changes=expect_changes, strict=strict),
         min(len(base.processes), len(new.processes)),
         tuple(replace(entry, cell=short.get(entry.cell, entry.cell)) for entry in found),
+        strict=strict,
         expected=expect_changes,
         load=_mean([about[LOAD] for side in (base, new) for about in side.about if LOAD in about]),
         elsewhere=elsewhere,
@@ -152,9 +156,11 @@ def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Co
     return Comparison((), (), verdict, 0, (), Failure(side, message, tail))
 
 
-def _verdict(changes: Iterable[Change], times: Sequence[Entry], found: Iterable[Entry], *, expect_changes: bool) -> GateVerdict:
+def _verdict(
+    changes: Iterable[Change], times: Sequence[Entry], found: Iterable[Entry], *, expect_changes: bool, strict: bool
+) -> GateVerdict:
     counted = any(change.is_lost or not expect_changes for change in changes)
-    doubts = [entry for entry in found if entry.decision.is_doubtful]
+    doubts = [entry for entry in found if entry.decision.is_doubtful or (strict and entry.decision.unseen)]
     if counted or any(entry.is_worse for entry in (*times, *found)):
         return GateVerdict.REGRESSED
     return (
