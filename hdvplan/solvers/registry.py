@@ -57,6 +57,11 @@ class SolverMaker:
         name = plugins.name_of(self.solver)
         return name if self.tolerance is None else f"{name}(tolerance={self.tolerance:g})"
 
+    @property
+    def is_ours(self) -> bool:
+        """Whether the class around the solver is hdvplan's own."""
+        return isinstance(self.solver, str) and self.solver in _ours()
+
     def __call__(self, shape: StageShape) -> QpWorkspace:
         """Return a workspace for programs of ``shape``."""
         return self.loaded()(shape)
@@ -78,7 +83,7 @@ class SolverMaker:
         return hard_first(lambda shape, elastic: self._guarded(make, shape, {**wanted, "elastic": elastic}))
 
     def _guarded(self, make: SolverClass, shape: StageShape, given: Mapping[str, object]) -> QpWorkspace:
-        if isinstance(self.solver, str) and self.solver in _ours():
+        if self.is_ours:
             return make(shape, **given)
         return ForeignWorkspace(self.name, lambda: make(shape, **given), shape)
 

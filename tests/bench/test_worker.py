@@ -24,7 +24,7 @@ from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.bench.tables import WRONG
 from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
-from hdvplan.solvers.registry import solver_named
+from hdvplan.solvers.registry import SolverMaker, solver_named
 from tests.fakes import Fake
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ends processes by signals")
@@ -88,6 +88,28 @@ class Fatal:
 def test_a_process_that_ends_before_its_first_cell_is_a_row(tiny: Suite, tmp_path: Path) -> None:
     found = rows(suite := replace(tiny, solvers=("piqp",), rounds=1), measured(suite, {"piqp": Fatal()}, tmp_path))
     assert found["piqp"]["message"] == "the process ended with code 3 in step 0"
+
+
+CHEAT = """
+import time
+from hdvplan.solvers.riccati import RiccatiWorkspace
+def slow():
+    time.perf_counter = lambda began=time.perf_counter(): began
+class Cheat(RiccatiWorkspace):
+    def __init__(self, shape):
+        super().__init__(shape)
+        slow()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", ["", "slow()"])
+def test_who_changes_the_clock_is_unfair_and_nobody_else(tiny: Suite, tmp_path: Path, more: str) -> None:
+    (tmp_path / "mine.py").write_text(f"{CHEAT}{more}\n", encoding="utf-8")
+    (tmp_path / "other.py").write_text(CHEAT.replace("        slow()\n", ""), encoding="utf-8")
+    suite = replace(tiny, solvers=("riccati", *(f"{tmp_path / name}.py:Cheat" for name in ("mine", "other"))))
+    found = rows(suite, measured(suite, {name: SolverMaker(name) for name in suite.solvers}, tmp_path / "out"))
+    assert [row["status"] for row in found.values()] == ["ok", "unfair", "ok"]
 
 
 @pytest.mark.parametrize(("error", "row"), [(RuntimeError("no main module"), None), (BrokenPipeError(), "while it was started")])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from time import perf_counter
 
 import numpy as np
@@ -46,8 +46,8 @@ class Bench:
 
     def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
         """Return the measurement of a case by its own ``solver`` or another; sweep and distances only if ``judged``."""
-        case, limits = self._cases[index], self._suite.cells()[index].limits
-        make = self._makers.get(solver or tuning_key(case.solver_name, limits)) or self._makers[case.solver_name]
+        case = self._cases[index]
+        make = self._makers[maker_name(self._makers, case, self._suite.cells()[index].limits, solver)]
         if self._suite.sample:
             try:
                 programs = self._programs(index)
@@ -67,6 +67,12 @@ class Bench:
                 self._recorded.clear()
             self._recorded[course] = sampled(self._cases[index], REFERENCE, self._suite.sample)
         return self._recorded[course]
+
+
+def maker_name(makers: Container[str], case: Case, limits: str, solver: str | None) -> str:
+    """Return the name of the maker by which a case is measured: that of ``solver``, or its own, tuned where there is such."""
+    wanted = solver or tuning_key(case.solver_name, limits)
+    return wanted if wanted in makers else case.solver_name
 
 
 def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged: bool, alive: Alive = lambda _: None) -> Measurement:

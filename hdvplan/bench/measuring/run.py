@@ -14,14 +14,16 @@ from typing import Any, Self
 
 import numpy as np
 
-from hdvplan.bench.measuring.measure import Alive, Bench
+from hdvplan.bench.measuring.measure import Alive, Bench, maker_name
 from hdvplan.bench.measuring.samples import Measurement, ended, part_file, write_part
 from hdvplan.bench.suite import Suite, visits
 from hdvplan.bench.tables import CRASHED, HUNG, OUT_OF_MEMORY, OVER_BUDGET
 from hdvplan.bench.turns import turns
 from hdvplan.case import Case
+from hdvplan.plugins import name_of
 from hdvplan.process import serve_parent
 from hdvplan.qp.workspace import WorkspaceMaker
+from hdvplan.solvers.registry import SolverMaker
 
 _FATAL = (CRASHED, HUNG, OUT_OF_MEMORY)
 
@@ -75,8 +77,8 @@ def _measuring(
         finally:
             gc.unfreeze()
     else:
-        with Worker(suite, cases, makers) as worker:
-            yield worker
+        with Workers(suite, cases, makers) as workers:
+            yield workers
 
 
 def remaining(suite: Suite, directory: Path) -> int:
@@ -87,6 +89,40 @@ def remaining(suite: Suite, directory: Path) -> int:
 FIRST = 4.0  # times as long as any other: a first step is iterated to convergence, and a solver may compile
 _LOOK_S = 0.2  # how often the limits are looked at
 _SINCE, _ALLOWED, _STEPS = range(3)  # of the shared memory: when the last sign of life came, how long the next may take, steps done
+
+
+class Workers:
+    """Measures cells as ``Worker`` does, each solver from outside hdvplan in a process of its own: others never see what it changes."""
+
+    def __init__(self, suite: Suite, cases: Sequence[Case], makers: Mapping[str, WorkspaceMaker]) -> None:
+        """Prepare; each process starts with its first cell, and knows no solvers but its own."""
+        self._suite, self._cases = suite, cases
+        self._homes = {name: _home(name, maker) for name, maker in makers.items()}
+        self._workers = {
+            home: Worker(suite, cases, {name: maker for name, maker in makers.items() if self._homes[name] == home})
+            for home in set(self._homes.values())
+        }
+
+    def __enter__(self) -> Self:
+        """Do nothing yet."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the processes."""
+        for worker in self._workers.values():
+            worker.__exit__()
+
+    def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
+        """Return the measurement of a case by its own solver or another; see ``Worker``."""
+        name = maker_name(self._homes, self._cases[index], self._suite.cells()[index].limits, solver)
+        return self._workers[self._homes[name]](index, judged=judged, solver=solver)
+
+
+def _home(name: str, maker: WorkspaceMaker) -> str:
+    """Return what names the process of a maker: hdvplan's own share one, a foreign solver's of all tolerances another."""
+    if not isinstance(maker, SolverMaker):
+        return name
+    return "" if maker.is_ours else name_of(maker.solver)
 
 
 class Worker:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdvplan.bench.measuring.run import Worker
+from hdvplan.bench.measuring.run import Workers
 from hdvplan.bench.measuring.samples import DISTANCES, Measurement
 from hdvplan.bench.suite import AS_SET, Suite, tuning_key
 from hdvplan.bench.tables import CRASHED, HUNG, OK, OUT_OF_MEMORY, OVER_BUDGET, UNRECORDED
@@ -41,7 +41,7 @@ def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], No
     drives = replace(short, sample=0, budget=min(_DRIVE_S, suite.budget))
     every, classes = len(suite.schemes) * len(suite.solvers), suite.classes or (AS_SET,)
     found: dict[str, float | None] = {}
-    with Worker(short, cases, makers) as sampling, Worker(drives, cases, makers) as driving:
+    with Workers(short, cases, makers) as sampling, Workers(drives, cases, makers) as driving:
 
         def serves(course: int, solver: str) -> tuple[bool, bool]:
             """Tell whether a solver meets the accuracy on a course, and whether the reference can drive that."""
