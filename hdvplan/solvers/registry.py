@@ -88,6 +88,11 @@ class SolverMaker:
         return ForeignWorkspace(self.name, lambda: make(shape, **given), shape)
 
 
+def is_foreign(make: WorkspaceMaker) -> bool:
+    """Tell whether a maker's solver comes from outside hdvplan, so that its times are measured here."""
+    return isinstance(make, SolverMaker) and not make.is_ours
+
+
 def solver_named(solver: str | SolverClass, tolerance: float | None = None) -> SolverMaker:
     """Return what makes workspaces of a solver, and load it.
 

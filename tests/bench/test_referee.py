@@ -169,6 +169,40 @@ class Remembers(Careless):
         return QpResult(Status.SOLVED, self.known[key], 1, 0.0, 0.0)
 
 
+class RemembersFromBefore(Careless):
+    """Has the answers that another run has kept, and takes its time for what is not among them."""
+
+    kept: ClassVar[dict[bytes, StageSolution]] = {}
+    knows: ClassVar[bool] = False
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        key = qp.buffer.tobytes()
+        if not (self.knows and key in self.kept):
+            for _ in range(60):
+                self._honest.solve(qp, None)
+            self.kept[key] = deepcopy(self._honest.solve(qp, None).point)
+        return QpResult(Status.SOLVED, self.kept[key], 1, 0.0, 0.0)
+
+
+class RefusesNewPrograms(Careless):
+    """Refuses what it was not asked while it was timed."""
+
+    asked: ClassVar[set[bytes]] = set()
+    made: ClassVar[list[int]] = []
+
+    def __init__(self, shape: StageShape) -> None:
+        super().__init__(shape)
+        self.made.append(0)
+
+    def before(self, qp: StageQp, guess: StageSolution | None) -> StageQp:
+        key = qp.buffer.tobytes()
+        if len(self.made) > 2 and key not in self.asked:
+            msg = "no such answer"
+            raise RuntimeError(msg)
+        self.asked.add(key)
+        return qp
+
+
 class FairWhenWatched(Careless):
     """Sees by the number of its workspaces whether the reference stands beside it, and does not come then."""
 
@@ -247,6 +281,7 @@ CARELESS: dict[type[Careless] | Fault, tuple[str, str]] = {  # what it does: its
     SlowsProcessorTime: ("unfair", "changes clocks: hdvplan.planning.planner.process_time"),
     Sleeps: ("unfair", "waits instead of working"),
     Remembers: ("unfair", "remembers answers"),
+    RefusesNewPrograms: ("unfair", "fails at programs that are new to it: solver"),
     FairWhenWatched: ("failed", "driven again beside the reference it ends after 0 of"),
     InflatesMultipliers: ("some steps not accepted", "dual residual"),
     Rounds: ("failed", "Rounds says solved, primal residual 0.00"),
@@ -269,6 +304,8 @@ def _clocks_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, name, getattr(module, name))  # set back afterwards
     FairWhenWatched.made.clear()
     Remembers.known.clear()
+    RemembersFromBefore.kept.clear()
+    RefusesNewPrograms.made.clear()
 
 
 @pytest.fixture(scope="module")
@@ -290,6 +327,18 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Measured:
 
 def ranked(tables: Tables) -> set[str]:
     return set(tables.summary.loc[tables.summary["proved"].astype(bool), "solver"])
+
+
+def test_a_memory_that_another_run_has_filled_is_told_by_programs_that_nobody_can_know(
+    bench: Measured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tables = bench(RemembersFromBefore)
+    assert ranked(tables) == {"riccati", "piqp"}, tables.timing["message"]  # slow, and honest
+    monkeypatch.setattr(RemembersFromBefore, "knows", True)
+    tables = bench(RemembersFromBefore)
+    row = tables.timing.set_index("solver").loc["piqp"]
+    assert (row["status"], "remembers answers: programs that are new to it" in row["message"]) == ("unfair", True), row["message"]
+    assert ranked(tables) == {"riccati"}
 
 
 @pytest.mark.parametrize("who", CARELESS, ids=lambda who: who if isinstance(who, str) else who.__name__)

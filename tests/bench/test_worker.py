@@ -163,6 +163,12 @@ def test_a_sample_of_programs_is_the_same_for_all_solvers_and_has_those_where_li
     assert list(timing["limits"]) == ["off", "off", "binding", "binding"]
 
 
+def test_an_honest_foreign_solver_of_a_sample_remembers_nothing(tiny: Suite, tmp_path: Path) -> None:
+    suite = replace(tiny, solvers=("hdvplan.solvers.riccati:WarmWorkspace",), sample=6, rounds=1)
+    found = measured(suite, {name: SolverMaker(name) for name in suite.solvers}, tmp_path, in_process=True)
+    assert [row["status"] for row in rows(suite, found).values()] == ["ok"]
+
+
 @pytest.mark.slow
 def test_tolerances_are_as_loose_as_the_accuracy_in_metres_allows(tiny: Suite, tmp_path: Path) -> None:
     loose, tight = (replace(tiny, solvers=("riccati", "osqp"), sample=4, rounds=1, accuracy=accuracy) for accuracy in (1e-2, 1e-5))

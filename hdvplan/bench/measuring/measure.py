@@ -10,7 +10,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.measuring.recording import Program, nonzeros_of, replay, sampled
-from hdvplan.bench.measuring.referee import ReferenceCheck, Watch
+from hdvplan.bench.measuring.referee import ReferenceCheck, Watch, copied_steps, memory_fault
 from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR, UNRECORDED
@@ -22,12 +22,14 @@ from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
+from hdvplan.solvers.registry import is_foreign
 from hdvplan.solvers.riccati import RiccatiWorkspace
 
 REFERENCE: WorkspaceMaker = RiccatiWorkspace  # that every solution is compared with, at its own strict tolerance
 Alive = Callable[[int], None]  # receives the steps done, after each
 
 
+_UPDATE, _SOLVE = NUMBERS.index("update_s"), NUMBERS.index("solve_s")
 _COURSES = 100  # whose recorded programs are kept at a time: a third of a megabyte each
 
 
@@ -122,22 +124,26 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
     if outcome in {OK, OVER_BUDGET} and (fault := watch.fault(len(steps))):
         return ended(UNFAIR, fault)
     if judged and steps:
-        distances, why = checked_drive(case, make_workspace, len(steps), alive)
+        check = ReferenceCheck(make_workspace, REFERENCE, copied_steps(len(steps)) if is_foreign(make_workspace) else set())
+        distances, why = checked_drive(case, check, len(steps), alive)
         if outcome == OK and len(distances) < len(steps):
             outcome, message = FAILED, f"driven again beside the reference it ends after {len(distances)} of {len(steps)} steps: {why}"
+        elif outcome in {OK, OVER_BUDGET}:
+            timed = {step: steps[step][_UPDATE] + steps[step][_SOLVE] for step in check.asked}
+            if fault := memory_fault(make_workspace, check.asked, timed, lambda: alive(len(steps))):
+                return ended(UNFAIR, fault)
     message = message or next(filter(None, reasons), "")
     numbers = np.array(steps) if steps else np.empty((0, len(NUMBERS)))
     return Measurement(numbers, tuple(statuses), outcome, message, nonzeros_of(shapes[0]) if shapes else 0, judgement, distances)
 
 
-def checked_drive(case: Case, make_workspace: WorkspaceMaker, count: int, alive: Alive) -> tuple[FloatArray, str]:
+def checked_drive(case: Case, check: ReferenceCheck, count: int, alive: Alive) -> tuple[FloatArray, str]:
     """Return of up to ``count`` planning steps how far they lie from the reference's, (steps, len(DISTANCES)), from a drive of its own.
 
     With it comes why that drive ended early; nothing where it did not.
     """
     why = ""
     found: list[tuple[float, float, float]] = []
-    check = ReferenceCheck(make_workspace, REFERENCE)
 
     def keep(_: Plan) -> None:
         found.append(check.take())

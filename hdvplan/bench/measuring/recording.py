@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.arrays import FloatArray, IntArray
-from hdvplan.bench.measuring.referee import Watch, proves, scale_of
+from hdvplan.bench.measuring.referee import Asked, Watch, copied_steps, memory_fault, proves, scale_of
 from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Measurement, ended, outcome_of
 from hdvplan.bench.tables import OK, OVER_BUDGET, UNFAIR
 from hdvplan.case import Case
@@ -21,7 +21,7 @@ from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import USABLE_RESIDUAL, QpResult, QpWorkspace, WorkspaceMaker, residuals
-from hdvplan.solvers.registry import solver_named
+from hdvplan.solvers.registry import is_foreign, solver_named
 from hdvplan.solvers.sparse import SparseQp
 
 LIMITS = ("off", "inactive", "binding", "unkeepable")  # the roles of limits in a program
@@ -219,6 +219,12 @@ def replay(
         gc.enable()
     if outcome in {OK, OVER_BUDGET} and (fault := watch.fault(len(steps))):
         return ended(UNFAIR, fault)
+    if judged and outcome in {OK, OVER_BUDGET} and is_foreign(make):
+        few = copied_steps(len(steps))
+        asked = {step: [Asked(recorded[step].qp, recorded[step].guess if workspace.starts_warm else None)] for step in few}
+        timed = {step: steps[step][NUMBERS.index("update_s")] + steps[step][NUMBERS.index("solve_s")] for step in few}
+        if fault := memory_fault(make, asked, timed, lambda: alive(len(steps))):
+            return ended(UNFAIR, fault)
     table = np.array(steps).reshape(-1, len(NUMBERS))
     rows = np.array(distances).reshape(-1, len(DISTANCES)) if judged else np.empty((0, len(DISTANCES)))
     return Measurement(table, tuple(statuses), outcome, message, nonzeros_of(recorded[0].qp.shape), None, rows, first_step=1)

@@ -7,21 +7,22 @@ Where solvers are held to an accuracy in metres instead, their multipliers prove
 
 It may not wait, change clocks or remember answers. Each is told from the outside, and none depends on how busy the machine is. A solver
 that waits gives its core away of its own accord, which the system counts apart from what it takes away; one that remembers answers the
-same programs much faster from the second round on.
+same programs much faster from the second round on, and faster than copies whose numbers are moved a little by chance.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
-from time import perf_counter
+from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter, process_time
 from types import BuiltinFunctionType
+from typing import NamedTuple
 
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.measuring.samples import NUMBERS
+from hdvplan.bench.measuring.samples import NUMBERS, outcome_of
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace, Residuals, WorkspaceMaker, largest_multiplier, residuals
 
@@ -38,8 +39,10 @@ if sys.platform != "win32":
 _CLOCKS = ("perf_counter", "process_time", "monotonic")
 _WAITS = 1.5  # times as long by the clock as by the processor
 _OFTEN = 0.5  # of a drive's steps in which a solver waits
-_REMEMBERS = 4.0  # times as long in the first round as later: caches that are cold and a busy machine make up to twice
+_REMEMBERS = 4.0  # times as long in the first round as later, or for copies: caches that are cold and a busy machine make up to twice
 _FEWEST = 4  # steps from which that is told
+_COPIED = 8  # steps of which copies are solved
+_MOVED = 1e-9  # of their numbers: less than any tolerance, so that a warm start is worth as much
 
 
 class Watch:
@@ -93,6 +96,57 @@ def remembers(rounds: Sequence[FloatArray]) -> bool:
     return bool(np.median(ratio) > _REMEMBERS)
 
 
+class Asked(NamedTuple):
+    """What a solver was asked, copied."""
+
+    qp: StageQp
+    guess: StageSolution | None
+
+
+def copied_steps(count: int) -> set[int]:
+    """Return of which of a drive's steps copies are solved: evenly spread, without the first, in which a solver sets up."""
+    return set(np.linspace(1, count - 1, min(_COPIED, count - 1)).round().astype(int).tolist()) if count > 1 else set()
+
+
+def memory_fault(
+    make: WorkspaceMaker, asked: Mapping[int, Sequence[Asked]], seconds: Mapping[int, float], alive: Callable[[], None]
+) -> str:
+    """Return that a solver takes far longer for programs that nobody can know, in words; nothing of one that does not.
+
+    ``asked`` are the programs of some steps, and ``seconds`` what they took while they were timed. Each is solved once as it is, which sets
+    up and warms all there is to warm, then two copies, of which the faster counts, and of its clock and processor time the less:
+    what a busy machine adds is in neither.
+    """
+    if len(asked) < _FEWEST:
+        return ""
+    try:
+        workspace = make(next(iter(asked.values()))[0].qp.shape)
+        fresh = [sum(_took_copies(workspace, one, alive) for one in programs) for programs in asked.values()]
+    except Exception as error:  # noqa: BLE001 - a solver may raise anything
+        return f"the solver fails at programs that are new to it: {outcome_of(error)[1]}"
+    ratio = float(np.median(np.array(fresh) / np.maximum([seconds[step] for step in asked], 1e-9)))
+    return f"the solver remembers answers: programs that are new to it take it {ratio:.3g} times as long" if ratio > _REMEMBERS else ""
+
+
+def _took_copies(workspace: QpWorkspace, one: Asked, alive: Callable[[], None]) -> float:
+    """Return what moved copies of a program take [s], after the program itself."""
+    took = []
+    for qp in (one.qp, _moved(one.qp), _moved(one.qp)):
+        alive()
+        began = process_time()
+        result = workspace.solve(qp, one.guess)
+        took.append(min(process_time() - began, result.update_time + result.solve_time))
+    return min(took[1:])
+
+
+def _moved(qp: StageQp) -> StageQp:
+    """Return a copy whose numbers are moved by what the operating system draws; zeros, bounds, prices and symmetry stay."""
+    random, copy = np.random.default_rng(), qp.copy()
+    for values in (copy.B, copy.c, copy.q, copy.r, copy.x_first):
+        values[:] *= 1.0 + _MOVED * random.uniform(-1.0, 1.0, values.shape)
+    return copy
+
+
 def accepted(primal: FloatArray, dual: FloatArray, gap: FloatArray, scale: FloatArray) -> FloatArray:
     """Return 1 where residuals prove an optimum, 0 where not, NaN where there is no ``scale``; arrays of one shape."""
     proved = (primal <= PRIMAL_M) & (dual <= DUAL * scale) & (gap <= GAP * scale)  # False for NaN
@@ -115,17 +169,25 @@ class ReferenceCheck:
     The reference starts from nothing, so that it cannot follow a solver astray. Its time is no part of a step.
     """
 
-    def __init__(self, make: WorkspaceMaker, reference: WorkspaceMaker) -> None:
-        """Stand between planning and the workspaces that ``make`` makes."""
-        self._make, self._reference = make, reference
+    def __init__(self, make: WorkspaceMaker, reference: WorkspaceMaker, copied: set[int]) -> None:
+        """Stand between planning and the workspaces that ``make`` makes, and keep what is asked in the steps ``copied``."""
+        self._make, self._reference, self._copied = make, reference, copied
+        self._step = 0
+        self.asked: dict[int, list[Asked]] = {}
         self._found: list[tuple[float, float, float]] = []
 
     def __call__(self, shape: StageShape) -> QpWorkspace:
         """Make a workspace."""
-        return _CheckedWorkspace(self._make(shape), self._reference(shape), self._found)
+        return _CheckedWorkspace(self._make(shape), self._reference(shape), self._found, self._keep)
+
+    def _keep(self, qp: StageQp, guess: StageSolution | None) -> None:
+        """Keep what is asked, if that is wanted."""
+        if self._step in self._copied:
+            self.asked.setdefault(self._step, []).append(Asked(qp.copy(), None if guess is None else guess.copy()))
 
     def take(self) -> tuple[float, float, float]:
         """Return of the programs since the last call: largest distance of e_y [m] and of u, and the last one's scale; NaN where unknown."""
+        self._step += 1
         found, self._found[:] = np.array(self._found).reshape(-1, 3), []
         if not len(found):
             return np.nan, np.nan, np.nan
@@ -148,13 +210,22 @@ def distance_to(qp: StageQp, point: StageSolution, reference: QpWorkspace) -> tu
 class _CheckedWorkspace:
     """A workspace whose every solution is compared with the reference's."""
 
-    def __init__(self, inner: QpWorkspace, reference: QpWorkspace, found: list[tuple[float, float, float]]) -> None:
-        self._inner, self._reference, self._found = inner, reference, found
+    def __init__(
+        self,
+        inner: QpWorkspace,
+        reference: QpWorkspace,
+        found: list[tuple[float, float, float]],
+        keep: Callable[[StageQp, StageSolution | None], None],
+    ) -> None:
+        self._inner, self._reference, self._found, self._keep = inner, reference, found, keep
         self.name, self.starts_warm = inner.name, inner.starts_warm
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp`` by the solver, then by the reference; see ``QpWorkspace``."""
+        before = perf_counter()
+        self._keep(qp, guess)
+        kept = perf_counter() - before
         result = self._inner.solve(qp, guess)
         began = perf_counter()
         self._found.append(distance_to(qp, result.point, self._reference))
-        return result._replace(time_aside=result.time_aside + perf_counter() - began)
+        return result._replace(time_aside=result.time_aside + kept + perf_counter() - began)
