@@ -189,8 +189,8 @@ def compared(out: Path, settings: Settings) -> Comparison:
             sides[side] = read_side(out / side)
         except OptionError as error:  # what was measured a moment ago: its program wrote something else
             return failed(side, str(error), "")
-    flags = {"expect_changes": settings.expect_changes, "strict": settings.strict}
-    return compare(sides[SIDES[0]], sides[SIDES[1]], settings.rule, Tolerance(), **flags)
+    base, new = (sides[side] for side in SIDES)
+    return compare(base, new, settings.rule, Tolerance(), expect_changes=settings.expect_changes, strict=settings.strict)
 
 
 def _neither(failure: MeasurementError) -> OptionError:
