@@ -106,9 +106,8 @@ def _draw_enlarged(
     if room is not None:
         draw_bodies(axes, corners(result.drive, np.array([pose_touching(result, room)])))
         if room.limited and not room.broken:  # breaches have their depth
-            draw_room(
-                axes, room, f"{max(-room.depth, 0.0):.2f} m", room.beyond + _LABEL_AWAY_M * room.outwards
-            )  # the title says what it is
+            spare = f"{max(-room.depth, 0.0):.2f} m"  # the title says what it is
+            draw_room(axes, room, spare, room.beyond + _LABEL_AWAY_M * room.outwards)
     draw_direction(axes, road.path, window.s_from, window.s_to, count=2)
     frame(axes, ends, 0.0)
     finish_map(axes, north=road.to_lonlat is not None)
