@@ -78,3 +78,8 @@ def test_both_sides_have_bytecode_where_the_users_shell_forbids_to_write_any(
         program.finish(program.start([sys.executable, "-c", "import ours"], scratch, Home(tmp_path / "home")))
         assert len(list((scratch.folder / "bytecode").rglob("ours.*.pyc"))) == forbidden
     assert len(list(tmp_path.glob("__pycache__/ours.*.pyc"))) == (not forbidden)
+
+
+def test_the_times_that_a_command_printed_are_not_its_last_words() -> None:
+    assert Ended(1, 'no licence\n{"cells": {}}\n', "").words == "no licence"
+    assert Ended(1, '{"cells": {}}\n', "").words == "nothing"

@@ -69,7 +69,8 @@ class Ended:
         lines, printed = ([" ".join(line.split()) for line in text.splitlines() if line.strip()] for text in (self.stderr, self.stdout))
         told = [line[7:] for line in lines if line.startswith("error: ")]
         told += [line for line in printed if line.startswith(("FAILED ", "ERROR "))]
-        return (told or lines[-1:] or printed[-1:] or ["nothing"])[0][:_LONGEST_WORDS]
+        plain = [line for line in printed if not line.startswith("{")]  # its times are no words
+        return (told or lines[-1:] or plain[-1:] or ["nothing"])[0][:_LONGEST_WORDS]
 
     @property
     def tail(self) -> str:
