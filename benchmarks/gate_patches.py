@@ -105,6 +105,11 @@ PATCHES: Mapping[str, Patch] = {
         ("import json\n", "import json\nimport random\n"),
         (_WORK, f"    if cell == 'depot':\n    {_WORK}        time.sleep(0.03 if random.random() < 0.1 else 0.0)\n"),
     ),
+    "three times the work, and answers kept from the first round": (
+        ("import json\n", "import functools\nimport json\n"),
+        ("def plan(", "@functools.cache\ndef plan("),
+        _THRICE,
+    ),
     "the first plan ten times": ((_WORK, _WORK + "    work(0 if step else 40000)\n"),),
     "half a second at start": (_before(_START, "time.sleep(0.5)\n"),),
     "half a second of work at start": (_before(_START, _SPIN.format(seconds=0.5)),),

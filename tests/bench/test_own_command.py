@@ -336,7 +336,7 @@ def test_what_could_not_be_seen_is_no_answer_where_it_is_asked_for_strictly(
         outcome = cli("bench", "--against", "HEAD", *command, *strict)
         told = json.loads(outcome.out)
         assert (outcome.code, told["verdict"], "--strict" in told["again"]) == (code, verdict, bool(strict)), outcome.err
-        assert "could not see a change of typical, p99, worst" in told["summary"]
+        assert "could not see a change of typical, first round, p99, worst" in told["summary"]
 
 
 @pytest.mark.slow

@@ -45,6 +45,7 @@ def quantities(rule: Rule) -> tuple[Quantity, ...]:
     return (
         Quantity("from outside", "every step's fastest round, by the clock of the drive", "ms", rule.factor, floor, "outer", fastest),
         Quantity("typical", "every step's median round", "ms", rule.factor, floor, "outside", _typical),
+        Quantity("first round", "before answers are known", "ms", at_least(1.25), 5.0 * floor, "outside", _first_round),
         Quantity("p99", "of all steps of all rounds", "ms", at_least(1.25), 5.0 * floor, "outside", lambda all_: np.quantile(all_, 0.99)),
         Quantity("worst", "of all steps of all rounds", "ms", at_least(1.5), 10.0 * floor, "outside", np.max),
         Quantity("first plan", "the fastest of the drives' first plans", "ms", at_least(1.25), 10.0 * floor, "first", np.min),
@@ -63,6 +64,10 @@ def fastest(times: FloatArray) -> float:
 
 def _typical(times: FloatArray) -> float:
     return float(np.median(times, axis=0).mean())
+
+
+def _first_round(times: FloatArray) -> float:
+    return float(times[0].mean()) if len(times) > 1 else np.nan  # the only one is judged already
 
 
 def of_cell(here: Processes, there: Processes, name: Name) -> Values:
