@@ -118,12 +118,13 @@ def _farther_text(result: Result) -> str:
     """Return how far from limits a plan can be kept that comes as near to them as it likes; on long roads that there are options for it."""
     from hdvplan.finer import clearest
 
+    near = "the plan comes as near as limits allow; --clearance"
     if result.drive.road.path.length > _LONG_M:
-        return "the plan comes as near as limits allow; --clearance M keeps it away from them"
+        return f"{near} M keeps it away from them"
     with progress("looking for the largest clearance", quiet=False) as on_progress:
         most = clearest(result, on_progress=on_progress).case.settings.clearance
     found = f"one that keeps {most:.2f} m" if most > result.case.settings.clearance + _MORE_M else "none that keeps more"
-    return f"the plan comes as near as limits allow; --clearance max finds {found}"
+    return f"{near} max finds {found}"
 
 
 def compare(results: list[Result], directory: Path, *, picture: bool, as_json: bool, quiet: bool) -> ExitCode:

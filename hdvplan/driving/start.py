@@ -107,7 +107,7 @@ def lies_beside(path: ReferencePath, vehicle: Vehicle, z: FloatArray) -> bool:
     """Tell whether all bodies of a vehicle in state ``z`` at s = 0 lie beside the path: every point of their edges has a foot on it."""
     poses = place_many(vehicle.table(), evaluate_many(path, np.zeros(1)), z[None])[0]
     for unit, pose, behind in zip(vehicle.units, poses, axles_behind(vehicle), strict=True):
-        ahead = np.linspace(-unit.rear_overhang, unit.front, int(np.ceil((unit.front + unit.rear_overhang) / _SPACING_M)) + 1)
+        ahead = np.linspace(-unit.rear_overhang, unit.front, int(np.ceil(unit.length / _SPACING_M)) + 1)
         for across in (0.5 * unit.width, -0.5 * unit.width):
             x, y = points_on(pose, ahead, across).T
             if np.any(np.isnan(project_many(path, x, y, ahead - behind)[1])):

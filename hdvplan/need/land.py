@@ -93,11 +93,11 @@ def around(result: Result, sides: Sequence[str], aside: float = 0.0) -> tuple[tu
     street, kerbs, patches = result.drive.road.bounds, [], []
     assert street is not None  # noqa: S101 - for the type checker: the road has limits
     clearance = result.case.settings.clearance
-    beside = max(_BESIDE_M, *(unit.front + unit.rear_overhang for unit in result.case.vehicle.units))
+    beside = max(_BESIDE_M, *(unit.length for unit in result.case.vehicle.units))
     for kerb in street.kerbs:
         side, region = side_of(kerb), "drivable" if kerb.wheels or not street.two_regions else "sweepable"
         stretches = _stretches(result.balance.touches[side, region], clearance, street, beside) if side in sides else []
-        parts = [_beside(result.drive, kerb, stretch, clearance + aside) for stretch in stretches]
+        parts = [_beside(result.drive, street, kerb, stretch, clearance + aside) for stretch in stretches]
         kerbs.append(street.replaced(kerb, [part for of_stretch in parts for part, _ in of_stretch]) if parts else kerb)
         whole = [patch for of_stretch in parts for patch in _joined([found for _, found in of_stretch])]
         patches += [replace(patch, side=side, region=region) for patch in whole]
@@ -131,10 +131,8 @@ class _Strip(NamedTuple):
     land: BaseGeometry
 
 
-def _beside(drive: Drive, kerb: Kerb, stretch: tuple[float, float], aside: float) -> list[tuple[Kerb, list[Patch]]]:
+def _beside(drive: Drive, street: Street, kerb: Kerb, stretch: tuple[float, float], aside: float) -> list[tuple[Kerb, list[Patch]]]:
     """Return the parts of a kerb beside a stretch that are moved out around what is swept beyond them, and the areas between."""
-    street = drive.road.bounds
-    assert street is not None  # noqa: S101 - for the type checker: the road has limits
     for far in _FAR_M:
         parts = [_around(drive, strip, aside) for strip in _strips(street, kerb, stretch, far)]
         if all(patch.depth < far - KEPT_M for _, found in parts for patch in found):

@@ -170,7 +170,8 @@ def change_words(change: Change) -> str:
 
 def quantity_words(entry: Entry) -> str:
     """Return the name of what was decided about; processes that began with an empty home are told apart."""
-    return " ".join([entry.quantity.name, *(f"({word})" for word in entry.cell)]) if len(entry.cell) < len(KEY) else entry.quantity.name
+    name = entry.quantity.name
+    return name if entry.is_of_cell else " ".join([name, *(f"({word})" for word in entry.cell)])
 
 
 def place_words(entry: Entry) -> str:

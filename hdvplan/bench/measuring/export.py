@@ -174,17 +174,22 @@ def _problem(one: _Solved) -> tuple[dict[str, sp.csc_matrix], dict[str, FloatArr
     matrices = {"P": sp.csc_matrix(form.P + sp.triu(form.P, 1).T), "G": form.G, "A": form.E}
     vectors = {"q": form.q, "h": form.h, "b": form.b, "lb": form.low, "ub": form.high}
     parts = ("x", "y", "z", "z_box")
-    started = [np.empty(0)] * len(parts) if recorded.guess is None else _flat(form, recorded.guess)
-    solution = zip(parts, _flat(form, one.solution), strict=True)
+    started = [np.empty(0)] * len(parts) if recorded.guess is None else _flat(form, recorded.qp, recorded.guess)
+    solution = zip(parts, _flat(form, recorded.qp, one.solution), strict=True)
     return matrices, vectors | dict(solution) | {f"{part}_start": values for part, values in zip(parts, started, strict=True)}
 
 
-def _flat(form: SparseQp, point: StageSolution) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return x, y, z and z_box of a point; in stages the multipliers of sigma >= 0 follow from those of the rows."""
+def _flat(form: SparseQp, qp: StageQp, point: StageSolution) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return x, y, z and z_box of a point."""
     v, equality, rows, bounds = form.flatten(point)
-    slacks = form.sigma_columns.ravel()
-    bounds[slacks] = np.minimum(rows[: len(slacks)] - form.q[slacks] - form.P.diagonal()[slacks] * v[slacks], 0.0)
+    if form.elastic:
+        bounds[form.sigma_columns] = -np.maximum(_of_slacks(qp, point), 0.0)
     return v, equality, rows, bounds
+
+
+def _of_slacks(qp: StageQp, point: StageSolution) -> FloatArray:
+    """Return the multipliers of sigma >= 0, which follow from those of the rows, (N, p)."""
+    return qp.linear + qp.quadratic * point.sigma - point.rows
 
 
 def _acados(directory: Path, name: str, programs: Sequence[_Solved]) -> None:
@@ -237,13 +242,13 @@ def _stages(qp: StageQp) -> dict[str, object]:
 
 def _iterate(qp: StageQp, point: StageSolution) -> dict[str, list[list[float]]]:
     """Return a solution as acados' iterates have it: by stage, multipliers of lower sides before those of upper ones, then of slacks."""
-    stages, none = qp.shape.stages, np.zeros(0)
+    stages, none, of_slacks = qp.shape.stages, np.zeros(0), _of_slacks(qp, point)
     found: dict[str, list[list[float]]] = {name: [] for name in ("x_traj", "u_traj", "z_traj", "sl_traj", "su_traj", "pi_traj", "lam_traj")}
     for i in range(stages + 1):
         inputs = point.u_bounds[i] if i < stages else none
         states = point.dynamics[0] if i == 0 else point.x_bounds[i - 1]
         sigma, rows = (none, none) if i == 0 else (point.sigma[i - 1], point.rows[i - 1])
-        of_sigma = none if i == 0 else qp.linear[i - 1] + qp.quadratic[i - 1] * sigma - rows
+        of_sigma = none if i == 0 else of_slacks[i - 1]
         bounds, zeros = np.concatenate([inputs, states]), np.zeros(len(rows))
         lam = np.concatenate([np.maximum(-bounds, 0.0), zeros, np.maximum(bounds, 0.0), rows, zeros, of_sigma])
         own = {"x_traj": point.x[i], "u_traj": point.u[i] if i < stages else none, "z_traj": none, "sl_traj": zeros, "su_traj": sigma}
