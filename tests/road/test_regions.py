@@ -137,6 +137,7 @@ def test_wheels_and_what_is_between_them_keep_off_an_island_over_which_overhangs
 @given(
     bend=st.floats(-0.05, 0.05), out=st.floats(0.2, 3.0), begin=st.floats(12.0, 30.0), long=st.floats(3.0, 25.0), into=st.floats(0.0, 1.0),
 )  # fmt: skip
+@example(bend=-0.01171875, out=1.0, begin=12.0, long=7.25, into=0.0)  # closing moves the kerb's end by 2 um: the area was dropped
 @settings(max_examples=25, deadline=None)
 def test_what_overhangs_may_use_is_street_and_area_together(bend: float, out: float, begin: float, long: float, into: float) -> None:
     path = from_curvature(np.array([0.0, 10.0, 70.0]), np.array([0.0, bend, bend]))
