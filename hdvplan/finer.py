@@ -27,6 +27,8 @@ _SHARE = 0.25  # of what was to be gained that a plan may miss and counts as fou
 _REPAIRS = 3  # times as many as of a first plan: with as many, a long vehicle may lack 3 cm where 1.5 do
 _DIVISORS = (2, 5)  # of the distance of stations: whole numbers, so that horizon and replanning distance remain multiples of it
 _FIRST_M, _MOST = 0.2, 20  # clearance that is tried beyond the room of a plan, then twice that, and so on; plans at most
+NEAR_M = 0.05  # room to spare below which people ask whether more can be had
+LONG_M = 1000.0  # a road on which the plans that tell how much take longer than people wait for it
 _WORTH = 0.1  # metres lacking at best per metre between stations beyond which a finer plan is not tried: that much is hardly ever gained
 
 
@@ -82,6 +84,18 @@ def _divided(settings: PlannerSettings, divisor: int) -> PlannerSettings | None:
     if step < SHORTEST_STEP_M or settings.stages * divisor > MOST_STAGES:
         return None
     return replace(settings, step=step, give_way=0.5 * KEPT_M)  # half of what counts as kept
+
+
+def measured(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:
+    """Return a plan that comes as near to its limits as they allow with the largest clearance that can be kept; others as they are.
+
+    So are plans on roads that are so long that people would wait. ``on_progress`` receives the share of the plans that are made.
+    """
+    verdict = verdict_of(result)
+    near = bool(verdict.fits) and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < NEAR_M
+    if not near or result.drive.road.path.length > LONG_M:
+        return result
+    return replace(result, most_clearance=clearest(result, on_progress=on_progress).case.settings.clearance)
 
 
 def clearest(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:

@@ -23,15 +23,15 @@ Json = dict[str, Any]
 
 _MOST_WARNINGS = 5
 _ASIDE_M = 1.0  # further beside the line than without the largest clearance: less is not told
-_NEAR_M = 0.05  # room to spare below which people ask whether more can be had
-_MORE_M = 0.01  # clearance that is worth telling
-_LONG_M = 1000.0  # a road on which the plans that tell how much take longer than people wait for a note
 
 
 def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> Result:
-    """Return a plan that breaks its limits with a proof that nothing keeps them, and one that lacks less, where either is found."""
+    """Return a plan that breaks its limits with a proof that nothing keeps them, and one that lacks less, where either is found.
+
+    One that fits with hardly any room to spare is returned with how much another can keep.
+    """
     from hdvplan import api
-    from hdvplan.finer import replanned
+    from hdvplan.finer import measured, replanned
     from hdvplan.judging.verdict import verdict_of
 
     if proof and verdict_of(result).fits is False:
@@ -40,6 +40,9 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
     if refine and verdict_of(result).fits is False:
         with progress("planning again so that less is lacking", quiet=quiet) as on_progress:
             result = replanned(result, on_progress=on_progress)
+    if refine and result.planned:
+        with progress("looking for the largest clearance", quiet=quiet) as on_progress:
+            result = measured(result, on_progress=on_progress)
     return result
 
 
@@ -100,31 +103,11 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool, loop: J
             lines.insert(0 if loop["fits"] is False else len(lines), loop["text"])  # what does not hold is read first
         for line in lines:
             print_line(line)
-    if result.planned and _is_near(verdict) and not quiet:
-        note(_farther_text(result), quiet=quiet)
     warn_of_sides(summary, quiet=quiet)
     warn_of(result, verdict, quiet=quiet)
     if not as_json and not quiet:
         print_plan(summary, directory, road=result.drive.road)
     return verdict
-
-
-def _is_near(verdict: Verdict) -> bool:
-    """Whether a plan that fits leaves less room than people ask for, as its objective does not ask for any."""
-    return bool(verdict.fits) and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < _NEAR_M
-
-
-def _farther_text(result: Result) -> str:
-    """Return how far from limits a plan can be kept that comes as near to them as it likes; on long roads that there are options for it."""
-    from hdvplan.finer import clearest
-
-    near = "the plan comes as near as limits allow; --clearance"
-    if result.drive.road.path.length > _LONG_M:
-        return f"{near} M keeps it away from them"
-    with progress("looking for the largest clearance", quiet=False) as on_progress:
-        most = clearest(result, on_progress=on_progress).case.settings.clearance
-    found = f"one that keeps {most:.2f} m" if most > result.case.settings.clearance + _MORE_M else "none that keeps more"
-    return f"{near} max finds {found}"
 
 
 def compare(results: list[Result], directory: Path, *, picture: bool, as_json: bool, quiet: bool) -> ExitCode:
@@ -136,7 +119,7 @@ def compare(results: list[Result], directory: Path, *, picture: bool, as_json: b
     from hdvplan.report.style import figure_bytes
     from hdvplan.report.summary import summary_of
 
-    if any(_is_near(verdict_of(result)) for result in results):
+    if any(result.most_clearance for result in results):
         note("plans come as near as limits allow; with --clearance max the table says how much room each can keep", quiet=quiet)
     table = answer_rows(results)
     with progress(f"writing {directory}/", quiet=quiet), writing(f"to {directory}"):

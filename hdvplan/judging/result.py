@@ -96,6 +96,7 @@ class Result:
     passed: tuple[Passed, ...] = ()  #: the obstacles in order of s, and their sides
     proof: Proof | None = None  #: that nothing keeps the limits; None if none was found or looked for
     attempts: tuple[Attempt, ...] = ()  #: every plan, if it was planned more than once; see ``hdvplan.replanned``
+    most_clearance: float | None = None  #: the largest that a plan was found to keep [m]; None: none was looked for
     path: str = ""  #: the file of a given path, where it is known
     between: tuple[float, float] | None = None  #: of a given path's points how far apart they are, and how well that tells the room [m]
 

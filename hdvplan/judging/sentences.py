@@ -24,6 +24,15 @@ def solver_texts(result: Result) -> list[str]:
     return texts
 
 
+def farther_texts(result: Result) -> list[str]:
+    """Return how far another plan can be kept from limits to which this one came as near as it could; none was looked for: nothing."""
+    if result.most_clearance is None:
+        return []
+    more = result.most_clearance > result.case.settings.clearance + KEPT_M
+    found = f"one that keeps {result.most_clearance:.2f} m" if more else "none that keeps more"
+    return [f"the plan comes as near as limits allow; --clearance max finds {found}"]
+
+
 def attempts_text(result: Result) -> str:
     """Return how a case that was planned more than once came to its answer, without a capital or a full stop; "" of others."""
     if not result.attempts:

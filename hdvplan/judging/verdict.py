@@ -14,6 +14,7 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import contact, part_named
 from hdvplan.judging.clearance import Touches
 from hdvplan.judging.result import Proof, Result, body_name
+from hdvplan.judging.sentences import farther_texts
 from hdvplan.road.regions import OPEN_M, called, limit_called
 from hdvplan.road.road import Road
 
@@ -134,6 +135,7 @@ def verdict_details(result: Result, verdict: Verdict, of: str = "") -> str:
     elif not verdict.fits:
         parts += [text for text in (_wheels(result, verdict), _hit(result, verdict)) if text]
         parts.append(_known(result, verdict))
+    parts += farther_texts(result)
     return "; ".join(parts)
 
 

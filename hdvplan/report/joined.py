@@ -31,7 +31,8 @@ _PLACES |= {"max_deviation_s_m", "max_curvature_s_m"}
 _ARCLENGTHS = {"nearly_all", "lock_to_lock", "failed_steps"}  # lists of them, or of pairs of them
 _ONCE = {"path.csv", "envelope.csv", "profile.csv"}  # whose last row is the first of the next piece
 _FIRST = (
-    "clearance_wanted_m", "road", "vehicle", "scheme", "solver", "objective", "bodies", "wheels", "settings", "plane", "notice", "version",
+    "clearance_wanted_m", "largest_clearance_m", "road", "vehicle", "scheme", "solver", "objective", "bodies", "wheels", "settings",
+    "plane", "notice", "version",
 )  # fmt: skip
 _SUMS = ("length_m", "plans", "converged_plans", "steps_halved")
 _MOST = (

@@ -40,6 +40,7 @@ def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) 
     return {
         "verdict": verdict_json(result, verdict),
         "clearance_wanted_m": settings.clearance,
+        "largest_clearance_m": result.most_clearance,
         **tracking_json(result if tracking else None),
         "road": drive.road.name,
         "plane": getattr(drive.road.to_lonlat, "plane", None),
