@@ -21,6 +21,11 @@ def some_of(names: Iterable[str], most: int) -> str:
     return ", ".join(listed[:most]) + (", ..." if len(listed) > most else "")
 
 
+def counted(count: int, one: str, several: str = "") -> str:
+    """Return how many there are of what is called ``one``, and ``several`` or with an s where it is not one."""
+    return f"{count} {one if count == 1 else several or f'{one}s'}"
+
+
 def no_formula(cell: str) -> str:
     """Return a word for a table that spreadsheets open: what would begin a formula begins with an apostrophe."""
     return f"'{cell}" if cell.startswith(_FORMULA) and not is_number(cell) else cell

@@ -159,6 +159,7 @@ def steering_texts(drive: Drive, found: SteeringUse) -> list[str]:
         more = f", and at {len(found.swings) - 1} more places" if len(found.swings) > 1 else ""
         texts.append(
             f"the {what_is} swings from lock to lock between s = {first:z.1f} and {last:z.1f} m, within the vehicle's length{more}"
+            + (": a larger --curvature-weight steers more calmly" if drive.plans else "")
         )
     for use, what in ((found.curvature, "steering"), (found.rate, "steering rate")):
         if use.stretches:

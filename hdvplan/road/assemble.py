@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
@@ -15,7 +16,9 @@ from hdvplan.errors import RoadError
 from hdvplan.road.checks import Unit, refuse_no_street
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import (
+    AREAS,
     LINES,
+    POINTS,
     Beside,
     Choice,
     Feature,
@@ -30,8 +33,8 @@ from hdvplan.road.features import (
 from hdvplan.road.leg_lines import legs_among
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.properties import with_properties
-from hdvplan.road.regions import EDGE, Kind, Region, without_spurs
-from hdvplan.texts import printable, some_of
+from hdvplan.road.regions import EDGE, Kind, Region, walls_of, without_spurs
+from hdvplan.texts import counted, printable, some_of
 
 _SNAP_M = 0.01
 _LISTED = 20  # lines that a question names
@@ -95,6 +98,8 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     regions = [Region(Kind.OBSTACLE, wall, label or EDGE) for _, walls, label in edges for wall in walls]
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
+    walls, told = _walls(features, beside, name)
+    regions += walls
     unread = () if routes else _unread_note(features, lines, chosen, name, choice, unit.metres)
     if choice.feature is None and any(role_of(line.feature, choice) is Role.EDGE for line in chosen):
         notes = (*notes, f"{name}: the line that is driven along is a kerb by its name or layer: is it the right one?")
@@ -104,7 +109,7 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
         regions=tuple(regions),
         edges=tuple(edge for edge, _, _ in edges),
         edge_names=tuple(label for _, _, label in edges),
-        notes=(*notes, *unit.notes(name, system), *unread),
+        notes=(*notes, *unit.notes(name, system), *told, *unread),
         legs=tuple(RawLeg(one, backward) for one, (_, backward) in zip(drawn, legs, strict=False)),
     )
 
@@ -112,6 +117,34 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
 def _drawn(line: _Line, parts: list[FloatArray], name: str) -> RawRoad:
     """Return a line with what its own properties say; ``parts`` are its own in the plane."""
     return with_properties(_joined(parts, name, directed=line.directed), line.feature.properties, name, parts=len(parts))
+
+
+def _walls(features: list[Feature], beside: Beside, name: str) -> tuple[list[Region], list[str]]:
+    """Return what lines that are not closed make where areas are expected, layer by layer, and notes on it.
+
+    Raises:
+        RoadError: those of a sweepable area enclose nothing: wheels would not be kept off it.
+
+    """
+    drawn: dict[tuple[str, Role], list[FloatArray]] = {}
+    points = Counter[str]()
+    for feature in features:
+        key = label_of(feature), role_of(feature, beside.choice) or Role.EDGE
+        drawn.setdefault(key, []).extend(beside.open_lines(feature))
+        points[key[0]] += key[1] in AREAS and any(geometry["type"] in POINTS for geometry in flat(feature.geometry))
+    regions, notes = list[Region](), list[str]()
+    for (label, role), lines in drawn.items():
+        if not lines:
+            continue
+        walls, what = walls_of(lines), f"{name}: {counted(len(lines), 'line')} of {label!r} with open ends"
+        if role is Role.SWEEPABLE and not all(wall.interiors for wall in walls):
+            msg = f"{what}: a sweepable area has an outline"
+            raise RoadError(msg, hint="close it in the drawing, or give the layer the role of an edge")
+        regions += [Region(Kind(role), shapely.Polygon(wall.exterior), label) for wall in walls]
+        notes.append(f"{what}: taken as {'walls, and ' if role is Role.OBSTACLE else ''}what they enclose")
+    sizeless = ((counted(count, "point"), label) for label, count in points.items() if count)
+    notes += [f"{name}: NOT READ: {count} of {label!r}, without a size: draw circles" for count, label in sizeless]
+    return regions, notes
 
 
 def _lines(features: list[Feature], name: str) -> list[_Line]:
@@ -162,7 +195,10 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
         if several and all(line.feature.drawn for line in matching):
             msg = f"{name}: {len(matching)} lines, and none is chosen; they are in layers {_layers_among(one.feature for one in matching)}"
             raise RoadError(msg, hint="choose the road's with --layer, and say with --role LAYER=edge what kerbs are")
-        raise RoadError(msg, hint="choose one with --name or --id" + (" or --layer" if several else ""))
+        hint = "choose one with --name or --id" + (" or --layer" if several else "")
+        if all(line.feature.drawn for line in matching):
+            hint = "choose the one that is driven along with --id; if all are kerbs, draw it, too, in a layer of its own"
+        raise RoadError(msg, hint=hint)
     if matching:
         msg = f"{name}: {len(matching)} lines are called {choice.feature!r}"
         raise RoadError(msg, hint="choose by a unique --id")
@@ -190,7 +226,7 @@ def _unread_note(
     nearer = sorted((layer for layer in unread if near[layer] < least < np.inf), key=lambda layer: near[layer])
     layers = [*nearer, *(layer for layer in unread if layer not in nearer)]
     shown = [printable(layer)[:_LONGEST] for layer in layers]
-    entities = [f"{len(unread[layer])} {'entity' if len(unread[layer]) == 1 else 'entities'}" for layer in layers]
+    entities = [counted(len(unread[layer]), "entity", "entities") for layer in layers]
     listed = ", ".join(f"{one!r} ({count})" for one, count in zip(shown[:_UNREAD], entities, strict=False))
     listed += f" and {len(layers) - _UNREAD} more" if len(layers) > _UNREAD else ""
     several, reads = ("layers", "reads one") if len(layers) > 1 else ("layer", "reads it")

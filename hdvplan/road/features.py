@@ -23,6 +23,7 @@ from hdvplan.texts import printable
 Json = dict[str, Any]
 _IDS = ("name", "id", "@id", "osm_id", "ref")
 LINES = {"LineString", "MultiLineString"}
+POINTS = {"Point", "MultiPoint"}
 _POLYGONS = {"Polygon", "MultiPolygon"}
 _LONGEST_LABEL = 250  # letters of a name that is told and drawn
 _MOST_CROSSING = 2000  # points of a polygon that crosses itself: it does so as often as the square of their number
@@ -36,6 +37,7 @@ class Role(StrEnum):
     EDGE = "edge"
 
 
+AREAS = {Role.OBSTACLE, Role.SWEEPABLE}
 _SPELLINGS = {  # of layers with a role without --role; those of edges are also values of a property "edge", and names
     Role.OBSTACLE: "obstacle obstacles hinder hindernis hindernisse building buildings gebaude byggnad byggnader batiment batiments",
     Role.SWEEPABLE: "sweepable sweepables overrunnable uberfahrbar overkorbar",
@@ -81,6 +83,7 @@ def roles_of(given: tuple[str, ...]) -> dict[str, Role]:
     roles: dict[str, Role] = {}
     for text in given:
         name, _, role = text.rpartition("=")
+        role = role.casefold()
         if not name or role not in list(Role):
             msg = f"--role {text!r} is not NAME=ROLE; a role is {', '.join(list(Role)[:-1])} or {list(Role)[-1]}"
             raise OptionError(msg, hint="NAME is a layer or a feature of the road file, such as --role hoarding=obstacle")
@@ -184,7 +187,7 @@ class Beside:
     def regions(self, feature: Feature, number: int) -> list[Region]:
         """Return the regions of a feature, none if it is no region; ``number`` is the first one's."""
         given, role = feature.properties.get("region"), role_of(feature, self.choice)
-        if given is None and (role not in {Role.OBSTACLE, Role.SWEEPABLE} or self._is_line(feature)):
+        if given is None and (role not in AREAS or self._is_line(feature)):
             return []
         label = label_of(feature)
         where = f"{self.name}: region {label!r}" if label else f"{self.name}: region {number}"
@@ -195,9 +198,9 @@ class Beside:
         side = _side(feature, where)
         found: list[Region] = []
         for geometry in flat(feature.geometry) or [{"type": "feature without geometry"}]:
-            rings = _rings(geometry, closed_lines=feature.drawn)
+            rings = _rings(geometry, closed_lines=feature.drawn or given is None)
             if rings is None and given is None:
-                continue  # a layer of obstacles may hold their texts and points too
+                continue  # see ``open_lines``; a layer of obstacles may hold their texts too
             if rings is None:
                 msg = f"{where} is a {geometry['type']}, not a Polygon or MultiPolygon"
                 raise RoadError(msg, hint="draw a fence or a wall as a narrow polygon")
@@ -209,8 +212,17 @@ class Beside:
         """Return the lines of a feature in the plane if it is an edge, none else."""
         if self._is_line(feature) or role_of(feature, self.choice) is not Role.EDGE:
             return []
-        where = f"{self.name}: edge {(feature.labels or (feature.layer,))[0]!r}"
-        lines = [part for geometry in flat(feature.geometry) if geometry["type"] in LINES for part in parts_of(geometry, where)]
+        return self._lines(feature, flat(feature.geometry), f"{self.name}: edge {(feature.labels or (feature.layer,))[0]!r}")
+
+    def open_lines(self, feature: Feature) -> list[FloatArray]:
+        """Return the lines of a feature in the plane that should be an area and are not closed."""
+        if feature.properties.get("region") is not None or self._is_line(feature) or role_of(feature, self.choice) not in AREAS:
+            return []
+        drawn = [geometry for geometry in flat(feature.geometry) if _rings(geometry, closed_lines=True) is None]
+        return self._lines(feature, drawn, f"{self.name}: {label_of(feature)!r}")
+
+    def _lines(self, feature: Feature, geometries: list[Json], where: str) -> list[FloatArray]:
+        lines = [part for geometry in geometries if geometry["type"] in LINES for part in parts_of(geometry, where)]
         if lines:
             self._check_system(feature, where)
         return [self._placed(coordinates_of(part, where), where) for part in lines]

@@ -20,7 +20,7 @@ from hdvplan.errors import RoadError
 from hdvplan.road.assemble import road_of
 from hdvplan.road.checks import Unit
 from hdvplan.road.crs import LONLAT, lonlat_of, needs_lonlat
-from hdvplan.road.features import Choice, Feature
+from hdvplan.road.features import POINTS, Choice, Feature
 from hdvplan.road.line import RawRoad
 from hdvplan.road.load_csv import Table, read_table
 from hdvplan.road.regions import Kind
@@ -32,6 +32,7 @@ _SQLITE = "SQLite format 3\0"
 _POINTS_ONLY = {"Point", "MultiPoint", "2.5D Point", "Point Z", "Point M", "Point ZM", "MultiPoint Z", "3D Point", "3D MultiPoint"}
 _SHEETS = {"XLSX", "ODS", "XLS"}
 _DRAWINGS = {"DXF", "DGN", "CAD"}
+_POINT = "AcDbPoint"  # of a drawing, where texts are points too
 _ROUTES = {"GPX", "OSM"}
 _REACHES = {"left_m", "right_m", "width_m", "corner_radius_m"}
 _NETWORK = ("<OGRVRTDataSource", "<OGRWFSDataSource", "<OGRCSWDataSource", "gdal_streamed_alg")  # files that name other sources to open
@@ -60,6 +61,8 @@ def read_vector(path: Path, *, crs: str | None = None, choice: Choice, unit: str
         msg = f"{name} names other data and has none itself"
         raise RoadError(msg, hint=f"convert it to a file with the data first: {_CONVERT.format(name=name)}")
     pyogrio, plain = _pyogrio(name), _plain(path)
+    if path.suffix.casefold() == ".dxf":
+        _refuse_cut_off(path)
     if head.startswith(_SQLITE):
         _refuse_endless_views(plain)
     try:
@@ -182,9 +185,9 @@ def _features(source: _Source, layer: str, system: str | None, driver: str) -> l
     titles = [title.casefold() for title in titles]
     found: list[Feature] = []
     for number, geometry, *values in zip(numbers, geometries, *columns, strict=True):
-        if geometry is None or geometry.geom_type in {"Point", "MultiPoint"}:
-            continue
         properties = {title: _value(value, title) for title, value in zip(titles, values, strict=True)}
+        if geometry is None or (geometry.geom_type in POINTS and not str(properties.get("subclasses")).endswith(_POINT)):
+            continue
         properties = {title: value for title, value in properties.items() if value is not None}
         labels = [str(properties[key]) for key in ("name", "id", "osm_id", "osm_way_id", "ref", "entityhandle") if key in properties]
         if driver == "OSM":
@@ -243,6 +246,14 @@ def _sheet(source: _Source, layers: list[tuple[str, str | None, str]], choice: C
     return Table(titles, [line for line, _ in kept], [row for _, row in kept])
 
 
+def _refuse_cut_off(path: Path) -> None:
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 64))
+        if b"EOF" not in file.read():
+            msg = f"{path.name} is cut off: it lacks the end that drawings have"
+            raise RoadError(msg, hint="fetch the file again")
+
+
 def _drawn_in(path: Path) -> int:
     """Return the unit that a drawing says it is in, its INSUNITS; 0 without any.
 
@@ -250,11 +261,6 @@ def _drawn_in(path: Path) -> int:
     """
     with path.open("rb") as file:
         head = file.read(_HEADER_BYTES).decode("latin-1")
-        file.seek(max(0, path.stat().st_size - 64))
-        tail = file.read().decode("latin-1")
-    if "EOF" not in tail:
-        msg = f"{path.name} is cut off: it lacks the end that drawings have"
-        raise RoadError(msg, hint="fetch the file again")
     units = _INSUNITS.search(head)
     if units is None:
         return 0

@@ -82,6 +82,12 @@ def polygons_of(geometry: shapely.Geometry) -> list[shapely.Polygon]:
     return [part for part in shapely.get_parts(shapely.get_parts(geometry)) if isinstance(part, shapely.Polygon) and not part.is_empty]
 
 
+def walls_of(lines: list[FloatArray]) -> list[shapely.Polygon]:
+    """Return lines (n, 2) [m] as walls ``SPUR_M`` thick, those that touch as one, with holes where they enclose something."""
+    drawn = shapely.union_all([shapely.LineString(line) for line in lines])
+    return polygons_of(shapely.buffer(drawn, 0.5 * SPUR_M, cap_style="square", join_style="mitre"))
+
+
 def outlines_of(geometry: shapely.Geometry) -> list[shapely.LineString]:
     """Return the lines that draw a geometry: a line itself, of polygons their outlines, each with its holes behind it."""
     if isinstance(geometry, shapely.LineString):

@@ -7,6 +7,7 @@ import sqlite3
 import warnings
 from collections.abc import Sequence
 from contextlib import closing
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
+from ezdxf.filemanagement import new
 from pyproj import Transformer
 from shapely.geometry.base import BaseGeometry
 
@@ -204,6 +206,66 @@ def test_a_closed_line_of_a_drawing_is_an_area(tmp_path: Path) -> None:
     (region,) = load_road(drawing, RoadOptions(layer="ROAD")).regions
     assert region.polygon.area == pytest.approx(12.0, abs=1e-6)
     assert region.label == "HINDER"  # not the number that the drawing program gives it
+
+
+def outline(*rows: int) -> list[shapely.LineString]:
+    """Lines between the corners of a parked car, 6 m long, its side 1 m from the line, which is driven to the east."""
+    x, y = METRES[0]
+    corners = np.array([(x + 20.0, y - 3.0), (x + 26.0, y - 3.0), (x + 26.0, y - 1.0), (x + 20.0, y - 1.0), (x + 20.0, y - 3.0)])
+    return [shapely.LineString(corners[first : last + 1]) for first, last in pairwise(rows)]
+
+
+@pytest.mark.parametrize(
+    ("car", "area", "told"),
+    [
+        pytest.param(outline(0, 3), 0.14, "1 line of", id="open"),  # three sides, 1 cm thick
+        pytest.param(outline(0, 1, 2, 3, 4), 12.08, "4 lines of", id="line by line"),
+        pytest.param([shapely.MultiLineString(outline(0, 1, 2, 3, 4))], 12.08, "4 lines of", id="a block of lines"),
+        pytest.param(outline(2, 3), 0.06, "1 line of", id="a wall"),
+        pytest.param(outline(0, 3) + outline(0, 4), 12.0 + 0.08, "1 line of", id="one closed, one open"),
+    ],
+)
+def test_what_a_drawing_has_of_an_obstacle_is_in_the_way_closed_or_not(
+    tmp_path: Path, car: list[BaseGeometry], area: float, told: str
+) -> None:
+    drawing = write(tmp_path / "a.dxf", [GRID_LINE, *car], crs=None, Layer=["ROAD", *["HINDER"] * len(car)])
+    road = load_road(drawing, RoadOptions(layer="ROAD"))
+    assert {region.label for region in road.regions} == {"HINDER"}
+    assert shapely.union_all([region.polygon for region in road.regions]).area == pytest.approx(area, abs=1e-3)  # of mitred corners
+    assert [note for note in road.notes if f"{told} 'HINDER' with open ends: taken as walls, and what they enclose" in note]
+
+
+def test_an_area_that_may_be_swept_needs_an_outline(tmp_path: Path) -> None:
+    for name, rows in (("lines", (0, 1, 2, 3, 4)), ("open", (0, 3))):
+        lines = outline(*rows)
+        write(tmp_path / f"{name}.dxf", [GRID_LINE, *lines], crs=None, Layer=["ROAD", *["ISLAND"] * len(lines)])
+    roles = RoadOptions(layer="ROAD", roles=("ISLAND=Sweepable",))
+    (island,) = load_road(tmp_path / "lines.dxf", roles).regions
+    assert island.kind is Kind.SWEEPABLE
+    assert island.polygon.area == pytest.approx(12.08, abs=0.001)
+    with pytest.raises(RoadError, match="1 line of 'ISLAND' with open ends: a sweepable area has an outline"):
+        load_road(tmp_path / "open.dxf", roles)
+
+
+def test_points_of_a_drawing_have_no_size_and_are_told(tmp_path: Path) -> None:
+    document = new("R2010")
+    space = document.modelspace()
+    space.add_lwpolyline(METRES.tolist(), dxfattribs={"layer": "ROAD"})
+    space.add_point((METRES[0, 0] + 20.0, METRES[0, 1] + 1.0), dxfattribs={"layer": "TREES"})
+    space.add_text("a text", dxfattribs={"layer": "TREES"})
+    document.saveas(tmp_path / "a.dxf")
+    (unread,) = load_road(tmp_path / "a.dxf", RoadOptions(layer="ROAD")).notes
+    assert "NOT READ: layer 'TREES' (1 entity)" in unread
+    (sizeless,) = load_road(tmp_path / "a.dxf", RoadOptions(layer="ROAD", roles=("TREES=obstacle",))).notes
+    assert "NOT READ: 1 point of 'TREES', without a size: draw circles" in sizeless
+
+
+def test_a_drawing_that_was_cut_off_is_called_so_wherever_that_was(tmp_path: Path) -> None:
+    whole = write(tmp_path / "a.dxf", [GRID_LINE], crs=None, Layer=["ROAD"]).read_bytes()
+    for share in (0.3, 0.6, 0.98):
+        (tmp_path / "part.dxf").write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(RoadError, match=r"part\.dxf is cut off"):
+            load_road(tmp_path / "part.dxf")
 
 
 def test_a_drawing_of_several_lines_lists_its_layers_and_the_options_that_choose_among_them(tmp_path: Path) -> None:
