@@ -28,10 +28,10 @@ from hdvplan.road.features import (
     label_of,
     parts_of,
     role_of,
-    unheeded,
 )
 from hdvplan.road.leg_lines import legs_among
 from hdvplan.road.line import RawLeg, RawRoad
+from hdvplan.road.options import unheeded
 from hdvplan.road.properties import with_properties
 from hdvplan.road.regions import EDGE, Kind, Region, walls_of, without_spurs
 from hdvplan.texts import counted, printable, some_of

@@ -16,7 +16,6 @@ from hdvplan.errors import OptionError, RoadError
 from hdvplan.road.checks import refuse_far
 from hdvplan.road.columns import folded
 from hdvplan.road.crs import Plane
-from hdvplan.road.options import OPTIONS
 from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.texts import printable
 
@@ -89,23 +88,6 @@ def roles_of(given: tuple[str, ...]) -> dict[str, Role]:
             raise OptionError(msg, hint="NAME is a layer or a feature of the road file, such as --role hoarding=obstacle")
         roles[name] = Role(role)
     return roles
-
-
-def refuse_unheeded(what: str, options: object, *names: str) -> None:
-    """Refuse those ``options`` of these ``names`` that were given, for ``what`` cannot heed them.
-
-    Raises:
-        RoadError: one was given.
-
-    """
-    given = next((name for name in names if getattr(options, name) not in {None, ()}), None)
-    if given is not None:
-        raise unheeded(what, given)
-
-
-def unheeded(what: str, option: str) -> RoadError:
-    """Return the refusal of a given ``option``, as readers of roads call it, that has no meaning for ``what``."""
-    return RoadError(f"{what} has no use for {OPTIONS[option]}", hint=f"leave {OPTIONS[option]} out")
 
 
 def labels_of(item: Json) -> tuple[str, ...]:
@@ -187,9 +169,12 @@ class Beside:
     def regions(self, feature: Feature, number: int) -> list[Region]:
         """Return the regions of a feature, none if it is no region; ``number`` is the first one's."""
         given, role = feature.properties.get("region"), role_of(feature, self.choice)
+        label = label_of(feature)
+        if given is None and role is Role.EDGE:
+            islands = (hole for surface in self._surfaces(feature) for hole in surface.interiors)
+            return [Region(Kind.OBSTACLE, shapely.Polygon(hole), label) for hole in islands]
         if given is None and (role not in AREAS or self._is_line(feature)):
             return []
-        label = label_of(feature)
         where = f"{self.name}: region {label!r}" if label else f"{self.name}: region {number}"
         if given is not None and given not in list(Kind):
             msg = f"{where} is {given!r}; a region is obstacle or sweepable"
@@ -212,16 +197,26 @@ class Beside:
         """Return the lines of a feature in the plane if it is an edge, none else."""
         if self._is_line(feature) or role_of(feature, self.choice) is not Role.EDGE:
             return []
-        return self._lines(feature, flat(feature.geometry), f"{self.name}: edge {(feature.labels or (feature.layer,))[0]!r}")
+        outlines = [np.asarray(surface.exterior.coords) for surface in self._surfaces(feature)]
+        return self._lines(feature, flat(feature.geometry)) + outlines
+
+    def _surfaces(self, feature: Feature) -> list[shapely.Polygon]:
+        """Return the areas of an edge: what they bound is the street, and their holes are islands."""
+        where = f"{self.name}: edge {label_of(feature)!r}"
+        areas = [rings for geometry in flat(feature.geometry) for rings in _rings(geometry, closed_lines=False) or ()]
+        if areas:
+            self._check_system(feature, where)
+        return [polygon for rings in areas for polygon in self._polygons(rings, where)]
 
     def open_lines(self, feature: Feature) -> list[FloatArray]:
         """Return the lines of a feature in the plane that should be an area and are not closed."""
         if feature.properties.get("region") is not None or self._is_line(feature) or role_of(feature, self.choice) not in AREAS:
             return []
         drawn = [geometry for geometry in flat(feature.geometry) if _rings(geometry, closed_lines=True) is None]
-        return self._lines(feature, drawn, f"{self.name}: {label_of(feature)!r}")
+        return self._lines(feature, drawn)
 
-    def _lines(self, feature: Feature, geometries: list[Json], where: str) -> list[FloatArray]:
+    def _lines(self, feature: Feature, geometries: list[Json]) -> list[FloatArray]:
+        where = f"{self.name}: {role_of(feature, self.choice)} {label_of(feature)!r}"
         lines = [part for geometry in geometries if geometry["type"] in LINES for part in parts_of(geometry, where)]
         if lines:
             self._check_system(feature, where)

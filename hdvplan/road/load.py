@@ -9,12 +9,12 @@ from pathlib import Path
 
 from hdvplan.errors import RoadError
 from hdvplan.road.checks import refuse_far, refuse_length, refuse_outliers, refuse_unreadable, text_of
-from hdvplan.road.features import Choice, refuse_unheeded, roles_of
+from hdvplan.road.features import Choice, roles_of
 from hdvplan.road.line import LONG_M, Line, RawRoad, noted_again, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_json import json_object, read_geojson, read_overpass
 from hdvplan.road.load_vector import read_vector
-from hdvplan.road.options import OF_FILES, OF_POINTS, RoadOptions
+from hdvplan.road.options import OF_FILES, OF_POINTS, RoadOptions, refuse_unheeded
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import NOTICE, SCENARIOS, shipped, shipped_roads
 from hdvplan.texts import did_you_mean, printable

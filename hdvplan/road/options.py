@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Annotated
 
-from hdvplan.errors import OptionError
+from hdvplan.errors import OptionError, RoadError
 from hdvplan.lengths import METRES
 from hdvplan.settings import Setting, check, fields_of
 
@@ -112,3 +112,20 @@ def ids_of(road_ids: str | Sequence[str]) -> list[str]:
 # Those that name something in a file or say how it is written, by what users call them.
 OF_FILES = ("feature", "roles", "crs", "layer", "road_ids", "lane", "unit", *OF_POINTS)
 OPTIONS = {name: fields_of(RoadOptions)[name].options[0] for name in OF_FILES}
+
+
+def refuse_unheeded(what: str, options: object, *names: str) -> None:
+    """Refuse those ``options`` of these ``names`` that were given, for ``what`` cannot heed them.
+
+    Raises:
+        RoadError: one was given.
+
+    """
+    given = next((name for name in names if getattr(options, name) not in {None, ()}), None)
+    if given is not None:
+        raise unheeded(what, given)
+
+
+def unheeded(what: str, option: str) -> RoadError:
+    """Return the refusal of a given ``option``, as readers of roads call it, that has no meaning for ``what``."""
+    return RoadError(f"{what} has no use for {OPTIONS[option]}", hint=f"leave {OPTIONS[option]} out")

@@ -222,7 +222,7 @@ def outline(*rows: int) -> list[shapely.LineString]:
         pytest.param(outline(0, 1, 2, 3, 4), 12.08, "4 lines of", id="line by line"),
         pytest.param([shapely.MultiLineString(outline(0, 1, 2, 3, 4))], 12.08, "4 lines of", id="a block of lines"),
         pytest.param(outline(2, 3), 0.06, "1 line of", id="a wall"),
-        pytest.param(outline(0, 3) + outline(0, 4), 12.0 + 0.08, "1 line of", id="one closed, one open"),
+        pytest.param(outline(0, 3) + outline(0, 4), 12.07, "1 line of", id="one closed, one open"),
     ],
 )
 def test_what_a_drawing_has_of_an_obstacle_is_in_the_way_closed_or_not(
@@ -233,6 +233,20 @@ def test_what_a_drawing_has_of_an_obstacle_is_in_the_way_closed_or_not(
     assert {region.label for region in road.regions} == {"HINDER"}
     assert shapely.union_all([region.polygon for region in road.regions]).area == pytest.approx(area, abs=1e-3)  # of mitred corners
     assert [note for note in road.notes if f"{told} 'HINDER' with open ends: taken as walls, and what they enclose" in note]
+
+
+def test_a_surface_that_is_an_edge_bounds_the_street_by_its_outline_and_its_holes_are_islands(tmp_path: Path) -> None:
+    x, y = METRES[0]
+    line, island = shapely.LineString([(x, y), (x + 60.0, y)]), shapely.box(x + 30.0, y + 1.5, x + 34.0, y + 2.5)
+    surface = shapely.difference(shapely.box(x - 10.0, y - 4.0, x + 70.0, y + 5.0), island)
+    write(tmp_path / "a.gpkg", [line], crs="EPSG:3006", layer="road")
+    write(tmp_path / "a.gpkg", [surface], crs="EPSG:3006", layer="surface")
+    road = load_road(tmp_path / "a.gpkg", RoadOptions(layer="road", roles=("surface=edge",)))
+    assert road.limits is not None
+    np.testing.assert_allclose([road.limits.left[100], road.limits.right[100]], [5.0, -4.0], atol=1e-3)
+    (region,) = road.regions
+    assert region.kind is Kind.OBSTACLE
+    assert region.polygon.area == pytest.approx(4.0, abs=1e-3)
 
 
 def test_an_area_that_may_be_swept_needs_an_outline(tmp_path: Path) -> None:
