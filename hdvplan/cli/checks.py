@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from hdvplan.planning.bias import Bias
+    from hdvplan.planning.settings import PlanOptions
     from hdvplan.road.line import Line
     from hdvplan.road.load import Found
     from hdvplan.road.path import ReferencePath
@@ -144,3 +146,23 @@ def warn_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath]
     if len(far):
         nearest = f"the nearest of them {far.min():.0f} m"
         warn(f"{len(far)} of {len(apart)} regions lie further than {OPEN_M:.0f} m from the road and do not count, {nearest}", quiet=quiet)
+
+
+def meeting_of(options: PlanOptions) -> tuple[float, float] | None:
+    """Return where two vehicles meet [m]; None: wherever the other one drives, or nobody is met.
+
+    Raises:
+        OptionError: it is no stretch, or nobody is met.
+
+    """
+    if options.meeting is None:
+        return None
+    if options.beside is None:
+        msg = "--meeting needs --beside DIR: whom to meet"
+        raise OptionError(msg)
+    with suppress(ValueError):
+        s_from, s_to = (float(place) for place in options.meeting.split(":"))
+        if s_from < s_to:
+            return s_from, s_to
+    msg = f"--meeting is two places of the road in metres, the first one before the other, such as 20:60, not {options.meeting!r}"
+    raise OptionError(msg)

@@ -196,7 +196,7 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     breach = max(result.balance.breaches, key=lambda breach: breach.depth, default=None)
     hit = min(result.entered, key=lambda approach: approach.distance, default=None)
     met = next((region.plan for region in result.drive.road.regions if region.plan), None)
-    apart = f"the plan in {met} takes its share: let the two meet at another place, or widen the street"
+    apart = f"the plan in {met} takes its share: --meeting FROM:TO lets the two meet elsewhere"
     if breach is not None and (hit is None or breach.depth >= -hit.distance):
         half, _ = half_width_of(result.drive, result.envelope.s, verdict.half_width)
         report_error(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import check_bias, check_fits, check_room, refuse_on, smoothed, vehicles_named, warn_no_side
+from hdvplan.cli.checks import check_bias, check_fits, check_room, meeting_of, refuse_on, smoothed, vehicles_named, warn_no_side
 from hdvplan.cli.completion import one_of
 from hdvplan.cli.console import note, progress, warn, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
@@ -60,7 +60,7 @@ class _Asked:
         from hdvplan.road.regions import Side
 
         track = track if self.reaches is None else track.with_limits(*self.reaches)
-        track = track if self.options.beside is None else beside_swept(track, Path(self.options.beside))
+        track = track if self.options.beside is None else beside_swept(track, Path(self.options.beside), meeting_of(self.options))
         track = track if self.options.side is None else track.passed_on(Side(self.options.side))
         return Case(track, vehicle, self.options.objective, self.solver, self.settings)
 
@@ -90,7 +90,7 @@ def plan(
         ),
     ] = None,
     settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, PLANNING, only=_OTHERS)],
-    options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, {"side": VEHICLE, "beside": VEHICLE})],
+    options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, {"side": VEHICLE, "beside": VEHICLE, "meeting": VEHICLE})],
     output: Annotated[Output, OptionsOf(Output, OUTPUT)],
     centreline: Annotated[
         Path | None,
@@ -118,6 +118,7 @@ def plan(
         choice("--leg-line", leg_line, (LEAD, LAST))
     asked = _Asked(road, room.reaches(), reading, settings, options, output, largest, leg_line, centreline)
     output.drawn_on()  # a sheet that cannot be is told before anything is read
+    meeting_of(options)
     check_folder(output.out)
     from hdvplan.planning.objective_names import check_objective
     from hdvplan.solvers.registry import check_solver
@@ -125,11 +126,10 @@ def plan(
     check_solver(asked.solver)
     check_objective(options.objective)
     driven = vehicles_named(vehicle, quiet=output.quiet)
-    if options.beside is not None:
-        from hdvplan.road.meeting import broken_notes
+    from hdvplan.road.meeting import broken_notes
 
-        for text in broken_notes(Path(options.beside)):
-            warn(text, quiet=output.quiet)
+    for text in () if options.beside is None else broken_notes(Path(options.beside)):
+        warn(text, quiet=output.quiet)
     if centreline is not None:
         _check_centreline(road, [one.name for one in driven])
     return _plan_one(asked, driven[0]) if len(driven) == 1 else _plan_all(asked, driven)

@@ -96,6 +96,10 @@ class PlanOptions:
             "DIR",
         ),
     ] = None
+    meeting: Annotated[
+        str | None,
+        Setting("With --beside: the other stays between these places of the road [m] while this one passes.", "FROM:TO"),
+    ] = None
     proof: Annotated[
         bool, Setting("If the plan breaks limits, look for a proof that no plan keeps them.", names=("--proof/--no-proof",))
     ] = True

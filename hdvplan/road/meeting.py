@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import shapely
 from shapely.geometry import shape
 
@@ -13,18 +14,21 @@ from hdvplan.answers import NO
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json
 from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat
-from hdvplan.road.regions import OPEN_M, Kind, Region, distances
+from hdvplan.road.passages import Line
+from hdvplan.road.regions import OPEN_M, Kind, Region, distances, polygons_of
 from hdvplan.road.road import Road
 
 _SWEPT = "swept.geojson"
 _AREA = "swept area"  # a kind of feature there
 
 
-def beside_swept(road: Road, folder: Path) -> Road:
+def beside_swept(road: Road, folder: Path, between: tuple[float, float] | None = None) -> Road:
     """Return a road on which everything that the plan in ``folder`` swept is an obstacle, with a note if that plan breaks its limits.
 
+    Where the other vehicle stays ``between`` two arclengths of the road [m] until this one has passed, only what it swept there is one.
+
     Raises:
-        OptionError: the folder holds no swept areas, or they lie in another frame than the road, or not beside it.
+        OptionError: the folder holds no swept areas, or they lie in another frame than the road, or not beside it or that stretch.
 
     """
     name = folder.resolve().name
@@ -44,10 +48,15 @@ def beside_swept(road: Road, folder: Path) -> Road:
         msg = f"what {label} swept is in {'degrees' if on_earth else 'metres'}, and {road.name} is not"
         raise OptionError(msg, hint="plan both from the same road file")
     area = area if into is None else shapely.transform(area, into)
-    regions = tuple(Region(Kind.OBSTACLE, polygon, label, plan=name) for polygon in shapely.get_parts(area))
+    where = road.name
+    if between is not None:
+        s_from, s_to = np.clip(between, 0.0, road.path.length)
+        area = shapely.intersection(area, shapely.buffer(Line.of(road.path).between(s_from, s_to), OPEN_M, cap_style="flat"))
+        where = f"{where} between s = {s_from:.1f} and {s_to:.1f} m"
+    regions = tuple(Region(Kind.OBSTACLE, polygon, label, plan=name) for polygon in polygons_of(area))
     beside = tuple(region for region, apart in zip(regions, distances(road.path, regions), strict=True) if apart <= OPEN_M)
     if not beside:
-        msg = f"what {label} swept lies more than {OPEN_M:.0f} m from {road.name}"
+        msg = f"what {label} swept lies more than {OPEN_M:.0f} m from {where}"
         raise OptionError(msg, hint="plan both from the same road file")
     return replace(road, regions=(*road.regions, *beside), faces=None, notes=(*road.notes, *broken_notes(folder)))
 

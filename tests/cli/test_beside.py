@@ -45,7 +45,32 @@ def test_where_they_cannot_meet_the_place_is_told(cli: Cli, short_road: str) -> 
     own = (short_road, "--vehicle", "bus", "--offset", "-1.75", "--left", "4", "--right", "0.1", "--no-plot")
     again = cli("plan", *own, "--reverse", "--beside", "there", "--no-refine", "--out", "proved")
     assert again.out.splitlines()[1].endswith("that keeps the limits beside the plan in there")
-    assert again.err.splitlines()[-1] == "hint: the plan in there takes its share: let the two meet at another place, or widen the street"
+    assert again.err.splitlines()[-1] == "hint: the plan in there takes its share: --meeting FROM:TO lets the two meet elsewhere"
+
+
+def test_two_that_cannot_meet_in_the_bend_may_where_one_waits(cli: Cli, tmp_path: Path) -> None:
+    own = ("plan", "uturn", "--vehicle", "bus", "--offset", "-1.75", "--left", "5.05", "--right", "1.55", "--no-plot", "--no-proof")
+    cli(*own, "--quiet", "--no-refine", "--out", "there")
+    back = (*own, "--reverse", "--no-refine", "--beside", "there", "--out", "back")
+    assert cli(*back).code == 1
+    assert cli(*back, "--meeting", "0:30").out.startswith("YES")
+    met = json.loads((tmp_path / "back" / "summary.json").read_text(encoding="utf-8"))["obstacles"]
+    assert [one["name"] for one in met] == ["bus, plan there"]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        pytest.param(("--meeting", "0:30"), "--meeting needs --beside DIR", id="nobody"),
+        pytest.param(("--beside", "there", "--meeting", "30"), "two places of the road in metres", id="one place"),
+        pytest.param(("--beside", "there", "--meeting", "30:10"), "the first one before the other", id="backwards"),
+        pytest.param(("--beside", "there", "--meeting", "a:b"), "such as 20:60, not 'a:b'", id="words"),
+    ],
+)
+def test_a_meeting_is_a_stretch_beside_somebody(cli: Cli, short_road: str, given: tuple[str, ...], told: str) -> None:
+    outcome = cli("plan", short_road, "--vehicle", "bus", "--half-width", "3", *given)
+    assert outcome.code == 2
+    assert told in outcome.err
 
 
 def test_a_vehicle_that_does_not_keep_its_own_street_is_no_silent_company(cli: Cli, short_road: str) -> None:
