@@ -52,7 +52,7 @@ def beside_swept(road: Road, folder: Path, between: tuple[float, float] | None =
     if between is not None:
         s_from, s_to = np.clip(between, 0.0, road.path.length)
         area = shapely.intersection(area, shapely.buffer(Line.of(road.path).between(s_from, s_to), OPEN_M, cap_style="flat"))
-        where = f"{where} between s = {s_from:.1f} and {s_to:.1f} m"
+        where = f"{where} between s = {s_from:z.1f} and {s_to:z.1f} m"
     regions = tuple(Region(Kind.OBSTACLE, polygon, label, plan=name) for polygon in polygons_of(area))
     beside = tuple(region for region, apart in zip(regions, distances(road.path, regions), strict=True) if apart <= OPEN_M)
     if not beside:
