@@ -231,8 +231,8 @@ class StageSolution:
         """The core's record of it, which holds addresses of the arrays above."""
         return np.array([(core.address(self.stages), core.address(self.row_points))], POINT)
 
-    def address_for(self, shape: StageShape) -> int:
-        """Return where that record is, for the core to read it as a point of a program of that shape.
+    def check(self, shape: StageShape) -> None:
+        """Refuse a point that is none of a program of that shape.
 
         Raises:
             QpDataError: it is of another shape.
@@ -244,6 +244,15 @@ class StageSolution:
             if array.dtype != kind or array.shape != size or not array.flags.c_contiguous:
                 msg = f"a point of another shape: {array.shape} of {array.dtype} instead of {size} of {kind}"
                 raise QpDataError(msg)
+
+    def address_for(self, shape: StageShape) -> int:
+        """Return where that record is, for the core to read it as a point of a program of that shape.
+
+        Raises:
+            QpDataError: it is of another shape.
+
+        """
+        self.check(shape)
         return core.address(self.record)
 
     def copy(self) -> StageSolution:

@@ -1,7 +1,7 @@
 """Workspaces around workspaces: hard rows before elastic ones, and solvers from outside hdvplan.
 
 What is judged belongs to us: another's solver gets copies of the program and of the guess, which are compared with ours after every
-solve, and its point is copied when it returns. Nor does it say how long it took. All of that is no part of a planning step.
+solve, which is no part of a planning step. Its answer is read and copied once, which is. Nor does it say how long it took.
 
 A column for every elastic row doubles a program, and its large price slows general solvers tenfold (OSQP: a hundredfold).
 The program with hard rows has the same solution wherever its rows can be kept at multipliers no larger than their price, by the
@@ -100,7 +100,7 @@ class ForeignWorkspace:
             known.copy_from(guess)
         asked = perf_counter()
         try:
-            result: object = self._own.solve(self._lent, known)
+            result = self._taken(self._own.solve(self._lent, known), qp.shape)
         except (HdvplanError, KeyboardInterrupt):
             raise
         except BaseException as error:  # compiled solvers panic with what is no Exception, others leave by sys.exit
@@ -110,24 +110,33 @@ class ForeignWorkspace:
         if not (_same(self._lent.buffer, qp.buffer) and (guess is None or all(map(_same, self._known.numbers, guess.numbers)))):
             msg = f"solver {self.name!r} writes into the {'program' if guess is None else 'program or the guess'} that it is given"
             raise SolverError(msg, status="raised", hint="a solver must work on a copy")
+        solving = min(max(result.solve_time, 0.0), took)
+        aside = asked - began + perf_counter() - answered
+        return result._replace(update_time=took - solving, solve_time=solving, time_aside=aside)
+
+    def _taken(self, result: object, shape: StageShape) -> QpResult:
+        """Return an answer as plain values and our own arrays, while the clock runs: one that is computed when it is read costs its time.
+
+        Raises:
+            SolverError: it is no result; ``status`` is ``raised``.
+
+        """
         if not isinstance(result, QpResult):
             msg = f"solver {self.name!r} returns something of type {type(result).__name__}, not a QpResult"
             raise SolverError(msg, status="raised")
         try:
-            result.point.address_for(qp.shape)
-            self._point.copy_from(result.point)
+            point = StageSolution(np.asarray(result.point.stages), np.asarray(result.point.row_points))
+            point.check(shape)
         except (AttributeError, QpDataError) as error:
             msg = f"solver {self.name!r} returns a point of another shape"
             raise SolverError(msg, status="raised") from error
+        self._point.copy_from(point)
         try:
-            status, iterations, solving = Status(result.status), int(result.iterations), min(max(float(result.solve_time), 0.0), took)
+            status, iterations, solving = Status(result.status), int(result.iterations), float(result.solve_time)
         except (TypeError, ValueError, OverflowError) as error:
             msg = f"solver {self.name!r} returns a status, a time or iterations that are none: {error_text(error)}"
             raise SolverError(msg, status="raised") from error
-        return QpResult(
-            status, self._point, iterations, took - solving, solving, time_aside=asked - began + perf_counter() - answered,
-            leaves_guess=bool(result.leaves_guess), reason=str(result.reason),
-        )  # fmt: skip
+        return QpResult(status, self._point, iterations, 0.0, solving, leaves_guess=bool(result.leaves_guess), reason=str(result.reason))
 
 
 def _same(one: FloatArray, other: FloatArray) -> bool:

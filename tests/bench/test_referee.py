@@ -1,17 +1,19 @@
 """No careless or dishonest solver is ranked, and every one is named with the reason."""
 
-# ruff: noqa: ARG002, D101, D102 - solvers that look at some of what they are given, and say in their names what they do
+# ruff: noqa: ARG002, D101, D102, D105 - solvers that look at some of what they are given, and say in their names what they do
 
 import threading
 import time
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import replace
-from typing import ClassVar
+from functools import cache
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
+from hdvplan.arrays import Records
 from hdvplan.bench.measuring.courses import cases_of
 from hdvplan.bench.measuring.measure import Bench
 from hdvplan.bench.measuring.ranking import findings_of, load_of
@@ -246,12 +248,60 @@ class HasNoTimes(Careless):
 
 
 class SaysLessTime(Careless):
-    """Solves eight times, and calls most of it no part of the step."""
+    """Solves sixteen times, and calls most of it no part of the step."""
 
     def after(self, qp: StageQp, result: QpResult) -> QpResult:
-        for _ in range(7):
+        for _ in range(15):
             self._honest.solve(qp, None)
         return result._replace(update_time=0.0, solve_time=-1.0, time_aside=1e-3)
+
+
+class Unread:
+    """An array that is computed when anything of it is first asked for."""
+
+    def __init__(self, work: Callable[[], Records]) -> None:
+        self._array = cache(work)
+
+    def __array__(self, *_: object, **__: object) -> Records:
+        return self._array()
+
+    def __len__(self) -> int:
+        return len(self._array())
+
+    def __getattr__(self, name: str) -> object:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self._array(), name)
+
+
+class UnreadPoint(StageSolution):
+    """A point that is computed when anything of it is first asked for."""
+
+    def __getattribute__(self, name: str) -> Any:  # noqa: ANN401 - whatever is asked for
+        own = object.__getattribute__(self, "__dict__")
+        if "work" in own and not name.startswith("__"):
+            own.pop("work")()
+        return super().__getattribute__(name)
+
+
+class SolvesWhenRead(Careless):
+    """Returns at once, and solves sixteen times when somebody reads the answer."""
+
+    def found(self, qp: StageQp) -> StageSolution:
+        return [self._honest.solve(qp, None).point for _ in range(16)][-1]
+
+    def answer(self, qp: StageQp) -> StageSolution:
+        point = UnreadPoint(*vars(StageSolution.empty(qp.shape)).values())
+        vars(point)["work"] = lambda: point.copy_from(self.found(qp))
+        return point
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        return QpResult(Status.SOLVED, self.answer(qp), 1, 0.0, 0.0)
+
+
+class SolvesWhenAnArrayIsRead(SolvesWhenRead):
+    def answer(self, qp: StageQp) -> StageSolution:
+        return StageSolution(Unread(lambda: self.found(qp).stages), Unread(lambda: self.found(qp).row_points))  # type: ignore[arg-type]
 
 
 class ChangesItsPoint(Careless):
@@ -352,12 +402,12 @@ def test_no_careless_or_dishonest_solver_is_ranked_and_its_row_says_why(bench: M
     assert "; not ranked with it: piqp" in finding.text
 
 
-def test_a_solver_that_says_less_time_than_it_takes_is_not_believed(bench: Measured) -> None:
-    tables = bench(SaysLessTime)
-    assert ranked(tables) == {"riccati", "piqp"}
-    times = tables.timing.set_index("solver")["update_ms"] + tables.timing.set_index("solver")["solve_ms"]
-    # It solves eight times what riccati solves once; half of that where caches and a busy machine have their say.
-    assert float(times["piqp"]) > 4.0 * float(times["riccati"])
+@pytest.mark.parametrize("who", [SaysLessTime, SolvesWhenRead, SolvesWhenAnArrayIsRead])
+def test_a_solver_that_hides_its_time_is_told_by_the_clock(bench: Measured, who: type[Careless]) -> None:
+    honest, told = bench(Careless), bench(who)
+    assert ranked(told) == {"riccati", "piqp"}
+    once, often = (tables.timing.set_index("solver").loc["piqp", ["update_ms", "solve_ms"]].sum() for tables in (honest, told))
+    assert often > 4.0 * once  # it solves sixteen times; a quarter of that where caches and a busy machine have their say
 
 
 def test_a_point_that_changes_after_it_was_returned_changes_nothing(bench: Measured) -> None:
