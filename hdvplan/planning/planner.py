@@ -7,7 +7,7 @@ solver in one call; another solver solves a copy of the program, and the core ju
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from time import perf_counter, process_time
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import CorePart, PythonPart
 from hdvplan.qp.program import StageQp, StageSolution
-from hdvplan.qp.workspace import ENDINGS, Judge, QpResult, Residuals, Status, WorkspaceMaker, refusal
+from hdvplan.qp.workspace import ENDINGS, Judge, Moment, QpResult, Residuals, Status, WorkspaceMaker, refusal
 from hdvplan.vehicle.model import Vehicle
 
 _HORIZONS = 2  # of memory: the window of a plan is moved back once in so many
@@ -45,8 +45,8 @@ class StepTimes:
     solve: float = 0.0
     check: float = 0.0
     total: float = 0.0  # of the step
-    aside: float = 0.0  # no part of the step: copying the program for a foreign solver, a solver's failed attempt, a reference's solve
-    cpu: float = 0.0  # processor time of the step, all threads; its total where there was anything aside
+    aside: float = 0.0  # no part of the step: copying the program for a foreign solver, a solver's failed attempt
+    cpu: float = 0.0  # processor time of the step, all threads, without what is aside
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class Planner:
             SolverError: the first plan of a drive could not be solved, or none over the length of one.
 
         """
-        began, began_cpu, times = perf_counter(), process_time(), StepTimes()
+        began, times = Moment.now(), StepTimes()
         self._start[:] = z_start
         own, ours = self._own, self._judge.core_solver
         known = 0 <= self._last[0] <= first
@@ -192,8 +192,8 @@ class Planner:
         motion = self._scene.motion.stages[self._window()]
         z, kappa = motion["z"].copy(), motion["kappa"][:-1].copy()
         times.linearise, times.check, times.solve = step.seconds_linearise, step.seconds_check, times.solve + step.seconds_solve
-        times.total = perf_counter() - began - times.aside
-        times.cpu = times.total if times.aside else process_time() - began_cpu
+        passed = began.passed()
+        times.total, times.cpu = passed.clock - times.aside, times.cpu + passed.cpu
         return Plan(
             first, z, kappa, kappa_before, status=status, reason=reason, usable=bool(step.usable), instead=instead,
             qp_count=step.programs, qp_iterations=iterations + step.iterations, residuals=self._residuals(),
@@ -207,20 +207,21 @@ class Planner:
 
     def _solved(self, times: StepTimes, *, refused: bool) -> QpResult:
         """Return a judged solution of the program, which solvers are given a copy of; ``refused`` is that of our solver."""
-        began, window = perf_counter(), self._window()
+        began, window = Moment.now(), self._window()
         self._program.stages[:], self._program.rows[:] = self._scene.qp.stages[window], self._scene.qp.rows[window]
         if refused:
             ours = QpResult(ENDINGS[self._own["ending"]], self._last_point(), 0, 0.0, 0.0)
             result = self._judge.instead(self._program, refusal(ours, self._residuals()), self._judged, began)
-            times.aside += perf_counter() - began - result.update_time - result.solve_time
             times.update += result.update_time
         else:
-            mark, checked = perf_counter(), float(self._own["seconds_check"])
+            copied, mark, checked = began.passed(), perf_counter(), float(self._own["seconds_check"])
             guess = self._last_point() if self._judge.starts_warm and self._own["guessed"] else None
             result = self._judge.judged(self._program, guess, self._judged)
             checked = float(self._own["seconds_check"]) - checked
             times.update += perf_counter() - mark - result.solve_time - result.time_aside - checked
-            times.aside += mark - began + result.time_aside
+            result = result.beside(copied)
+        times.aside += result.time_aside
+        times.cpu -= result.cpu_aside
         times.solve += result.solve_time
         return result
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from enum import StrEnum
 from functools import partial
 from queue import Empty, SimpleQueue
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -40,6 +40,22 @@ _OURS = (Status.SOLVED, Status.ITERATION_LIMIT, Status.NUMERICAL, Status.INACCUR
 ENDINGS = {core.number(f"HDV_{status.name}"): status for status in _OURS}  # as the core's solver says it
 
 
+class Moment(NamedTuple):
+    """A reading of the clock and of the process's time on all processors [s], or the difference of two."""
+
+    clock: float
+    cpu: float
+
+    @classmethod
+    def now(cls) -> Moment:
+        """Return both."""
+        return cls(perf_counter(), process_time())
+
+    def passed(self) -> Moment:
+        """Return what has passed since."""
+        return Moment(perf_counter() - self.clock, process_time() - self.cpu)
+
+
 class QpResult(NamedTuple):
     """The outcome of one solve. ``point`` is the workspace's own memory: valid until its next solve."""
 
@@ -48,10 +64,15 @@ class QpResult(NamedTuple):
     iterations: int
     update_time: float  #: time to hand over the values [s]
     solve_time: float  #: time of the solver's call and of reading the result [s]
-    time_aside: float = 0.0  #: time that is no part of a planning step: a reference's solve, another solver's failed attempt [s]
+    time_aside: float = 0.0  #: time that is no part of a planning step: copying for a foreign solver, another's failed attempt [s]
+    cpu_aside: float = 0.0  #: processor time of the same [s]
     leaves_guess: bool = True  #: False: no inequality has a multiplier, and the point is no help for the next solve
     reason: str = ""  #: the solver's reason for a failure
     instead: str = ""  #: why another solver than the requested one answered
+
+    def beside(self, aside: Moment) -> QpResult:
+        """Return the same with more that is no part of a planning step."""
+        return self._replace(time_aside=self.time_aside + aside.clock, cpu_aside=self.cpu_aside + aside.cpu)
 
 
 class QpWorkspace(Protocol):
@@ -142,24 +163,24 @@ class Judge:
             result = self._first.solve(qp, guess)
             judge(result.point)
             return result
-        began = perf_counter()
+        began = Moment.now()
         found, why = self._asked(qp, guess, judge)
         return found if found is not None and not why else self.instead(qp, why, judge, began)
 
-    def instead(self, qp: StageQp, why: str, judge: Judging, began: float) -> QpResult:
-        """Return the second solver's result for a program that the first one failed at since ``began`` [s], and say ``why``."""
+    def instead(self, qp: StageQp, why: str, judge: Judging, began: Moment) -> QpResult:
+        """Return the second solver's result for a program that the first one failed at since ``began``, and say ``why``."""
         if self._make is None:
             msg = f"{self.name}: {why}"
             raise SolverError(msg)
         second = self._second = self._make(qp.shape) if self._second is None else self._second
-        lost = perf_counter() - began
+        lost = began.passed()
         rescued, again = _attempt(partial(second.solve, qp, None), judge)
         if rescued is None or again:
             point = StageSolution.empty(qp.shape)
             point.x[:] = np.nan
             judge(point)
-            return QpResult(Status.FAILED, point, 0, lost, 0.0, reason=f"{why}; {second.name}: {again}")
-        return rescued._replace(time_aside=rescued.time_aside + lost, instead=f"{why}; solved by {second.name}")
+            return QpResult(Status.FAILED, point, 0, lost.clock, 0.0, reason=f"{why}; {second.name}: {again}")
+        return rescued.beside(lost)._replace(instead=f"{why}; solved by {second.name}")
 
     def _asked(self, qp: StageQp, guess: StageSolution | None, judge: Judging) -> tuple[QpResult | None, str]:
         """Return the first solver's result, and why it is refused: nothing where it is not."""

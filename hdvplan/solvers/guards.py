@@ -20,7 +20,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import HdvplanError, QpDataError, SolverError
 from hdvplan.plugins import error_text
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker, residuals
+from hdvplan.qp.workspace import Moment, QpResult, QpWorkspace, Status, WorkspaceMaker, residuals
 
 _KEPT = 1e-3  # primal residual up to which a solution of the hard program is believed [m]
 
@@ -52,8 +52,7 @@ class _HardFirst:
             iterations=first.iterations + second.iterations,
             update_time=first.update_time + second.update_time,
             solve_time=first.solve_time + second.solve_time,
-            time_aside=first.time_aside + second.time_aside,
-        )
+        ).beside(Moment(first.time_aside, first.cpu_aside))
 
     def _with_columns(self) -> QpWorkspace:
         if self._elastic is None:
@@ -92,13 +91,13 @@ class ForeignWorkspace:
             SolverError: the solver raises, writes into what it is given, or returns no result; ``status`` is ``raised``.
 
         """
-        began = perf_counter()
+        began = Moment.now()
         self._lent.buffer[:] = qp.buffer
         known = None
         if guess is not None:
             known = self._known
             known.copy_from(guess)
-        asked = perf_counter()
+        lent, asked = began.passed(), perf_counter()
         try:
             result = self._taken(self._own.solve(self._lent, known), qp.shape)
         except (HdvplanError, KeyboardInterrupt):
@@ -106,13 +105,12 @@ class ForeignWorkspace:
         except BaseException as error:  # compiled solvers panic with what is no Exception, others leave by sys.exit
             msg = f"solver {self.name!r} raises {error_text(error)}"
             raise SolverError(msg, status="raised") from error
-        took, answered = perf_counter() - asked, perf_counter()
+        took, answered = perf_counter() - asked, Moment.now()
         if not (_same(self._lent.buffer, qp.buffer) and (guess is None or all(map(_same, self._known.numbers, guess.numbers)))):
             msg = f"solver {self.name!r} writes into the {'program' if guess is None else 'program or the guess'} that it is given"
             raise SolverError(msg, status="raised", hint="a solver must work on a copy")
         solving = min(max(result.solve_time, 0.0), took)
-        aside = asked - began + perf_counter() - answered
-        return result._replace(update_time=took - solving, solve_time=solving, time_aside=aside)
+        return result._replace(update_time=took - solving, solve_time=solving).beside(lent).beside(answered.passed())
 
     def _taken(self, result: object, shape: StageShape) -> QpResult:
         """Return an answer as plain values and our own arrays, while the clock runs: one that is computed when it is read costs its time.

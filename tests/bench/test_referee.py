@@ -23,6 +23,7 @@ from hdvplan.bench.measuring.stats import Tables, tables_of
 from hdvplan.bench.suite import Cell, Suite
 from hdvplan.planning import planner
 from hdvplan.planning.settings import Scheme
+from hdvplan.qp import workspace
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace, Status
 from hdvplan.solvers.registry import SolverMaker
@@ -31,6 +32,7 @@ from tests.bench.conftest import made_up
 from tests.fakes import Fake, Fault
 
 Measured = Callable[[Callable[[StageShape], QpWorkspace]], Tables]
+PAUSE_S = 5e-3
 ROUNDS = 2  # a solver that remembers shows in the second
 
 
@@ -147,13 +149,20 @@ class StopsTheClock(Careless):
 
 class SlowsProcessorTime(Careless):
     def before(self, qp: StageQp, guess: StageSolution | None) -> StageQp:
-        planner.process_time = lambda: 1e-3 * time.process_time()  # type: ignore[attr-defined]
+        workspace.process_time = lambda: 1e-3 * time.process_time()  # type: ignore[attr-defined]
         return qp
 
 
 class Sleeps(Careless):
     def before(self, qp: StageQp, guess: StageSolution | None) -> StageQp:
         time.sleep(2e-3)
+        return qp
+
+
+class SleepsNowAndThen(Careless):
+    def before(self, qp: StageQp, guess: StageSolution | None) -> StageQp:
+        if self._solved % 5 == 0:
+            time.sleep(PAUSE_S)
         return qp
 
 
@@ -328,7 +337,7 @@ CARELESS: dict[type[Careless] | Fault, tuple[str, str]] = {  # what it does: its
     AnswersForTheLastProgram: ("some steps not solved", "break their program"),
     AnswersLate: ("failed", "primal residual"),
     StopsTheClock: ("unfair", "changes clocks: hdvplan.planning.planner.perf_counter, time.perf_counter"),
-    SlowsProcessorTime: ("unfair", "changes clocks: hdvplan.planning.planner.process_time"),
+    SlowsProcessorTime: ("unfair", "changes clocks: hdvplan.qp.workspace.process_time"),
     Sleeps: ("unfair", "waits instead of working"),
     Remembers: ("unfair", "remembers answers"),
     RefusesNewPrograms: ("unfair", "fails at programs that are new to it: solver"),
@@ -350,7 +359,7 @@ LATER: set[Fault] = {"raising", "not a number", "nothing", "leaving", "panicking
 
 @pytest.fixture(autouse=True)
 def _clocks_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module, name in ((planner, "perf_counter"), (planner, "process_time"), (time, "perf_counter")):
+    for module, name in ((planner, "perf_counter"), (workspace, "process_time"), (time, "perf_counter")):
         monkeypatch.setattr(module, name, getattr(module, name))  # set back afterwards
     FairWhenWatched.made.clear()
     Remembers.known.clear()
@@ -408,6 +417,13 @@ def test_a_solver_that_hides_its_time_is_told_by_the_clock(bench: Measured, who:
     assert ranked(told) == {"riccati", "piqp"}
     once, often = (tables.timing.set_index("solver").loc["piqp", ["update_ms", "solve_ms"]].sum() for tables in (honest, told))
     assert often > 4.0 * once  # it solves sixteen times; a quarter of that where caches and a busy machine have their say
+
+
+def test_processor_time_is_that_of_the_processor_whatever_the_clock_says(bench: Measured) -> None:
+    steps = bench(SleepsNowAndThen).samples.query("solver == 'piqp'")
+    waited = steps["total_s"] - steps["cpu_s"]
+    assert waited.max() > 0.9 * PAUSE_S  # the processor's clock ticks apart from the other
+    assert (steps["cpu_s"] > 0.0).all()
 
 
 def test_a_point_that_changes_after_it_was_returned_changes_nothing(bench: Measured) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter, process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from hdvplan.errors import HdvplanError
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.workspace import USABLE_RESIDUAL, QpResult, QpWorkspace, WorkspaceMaker, residuals
+from hdvplan.qp.workspace import USABLE_RESIDUAL, Moment, QpResult, QpWorkspace, WorkspaceMaker, residuals
 from hdvplan.solvers.registry import is_foreign, solver_named
 from hdvplan.solvers.sparse import SparseQp
 
@@ -253,11 +252,11 @@ def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[lis
 
 
 def _timed(workspace: QpWorkspace, qp: StageQp, guess: StageSolution | None) -> tuple[QpResult, float, float]:
-    """Return a result, its wall time and its processor time [s], without what is aside; wall time for both where something is."""
-    began, began_cpu = perf_counter(), process_time()
+    """Return a result, its time by the clock and its processor time [s], both without what is aside."""
+    began = Moment.now()
     result = workspace.solve(qp, guess)
-    cpu, wall = process_time() - began_cpu, perf_counter() - began
-    return result, wall - result.time_aside, wall - result.time_aside if result.time_aside else cpu
+    took = began.passed()
+    return result, took.clock - result.time_aside, took.cpu - result.cpu_aside
 
 
 def _nothing(workspace: QpWorkspace, shape: StageShape) -> StageSolution | None:
