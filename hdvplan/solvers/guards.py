@@ -1,7 +1,8 @@
 """Workspaces around workspaces: hard rows before elastic ones, and solvers from outside hdvplan.
 
 What is judged belongs to us: another's solver gets copies of the program and of the guess, which are compared with ours after every
-solve, which is no part of a planning step. Its answer is read and copied once, which is. Nor does it say how long it took.
+solve, which is no part of a planning step. Its answer is read and copied once, which is. Nor does it say how long it took, or for what:
+all of its call is solving.
 
 A column for every elastic row doubles a program, and its large price slows general solvers tenfold (OSQP: a hundredfold).
 The program with hard rows has the same solution wherever its rows can be kept at multipliers no larger than their price, by the
@@ -109,8 +110,7 @@ class ForeignWorkspace:
         if not (_same(self._lent.buffer, qp.buffer) and (guess is None or all(map(_same, self._known.numbers, guess.numbers)))):
             msg = f"solver {self.name!r} writes into the {'program' if guess is None else 'program or the guess'} that it is given"
             raise SolverError(msg, status="raised", hint="a solver must work on a copy")
-        solving = min(max(result.solve_time, 0.0), took)
-        return result._replace(update_time=took - solving, solve_time=solving).beside(lent).beside(answered.passed())
+        return result._replace(solve_time=took).beside(lent).beside(answered.passed())
 
     def _taken(self, result: object, shape: StageShape) -> QpResult:
         """Return an answer as plain values and our own arrays, while the clock runs: one that is computed when it is read costs its time.
@@ -130,11 +130,11 @@ class ForeignWorkspace:
             raise SolverError(msg, status="raised") from error
         self._point.copy_from(point)
         try:
-            status, iterations, solving = Status(result.status), int(result.iterations), float(result.solve_time)
+            status, iterations = Status(result.status), int(result.iterations)
         except (TypeError, ValueError, OverflowError) as error:
-            msg = f"solver {self.name!r} returns a status, a time or iterations that are none: {error_text(error)}"
+            msg = f"solver {self.name!r} returns a status or iterations that are none: {error_text(error)}"
             raise SolverError(msg, status="raised") from error
-        return QpResult(status, self._point, iterations, 0.0, solving, leaves_guess=bool(result.leaves_guess), reason=str(result.reason))
+        return QpResult(status, self._point, iterations, 0.0, 0.0, leaves_guess=bool(result.leaves_guess), reason=str(result.reason))
 
 
 def _same(one: FloatArray, other: FloatArray) -> bool:
