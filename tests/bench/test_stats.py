@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hdvplan.bench.measuring.samples import Measurement
-from hdvplan.bench.measuring.stats import SOME_UNSOLVED, status_of, tables_of
+from hdvplan.bench.measuring.samples import NUMBERS, Measurement
+from hdvplan.bench.measuring.stats import SOME_REFUSED, SOME_UNSOLVED, status_of, tables_of
 from hdvplan.bench.measuring.timing import accuracy, captions, summary_tables
 from hdvplan.bench.suite import Cell, Suite
 from hdvplan.bench.tables import FAILED, OVER_BUDGET
@@ -83,6 +83,17 @@ def test_failures_count_refused_steps_and_drives_that_ended() -> None:
 )
 def test_a_cell_s_status_is_that_of_its_worst_drive(rounds: list[Measurement], status: str) -> None:
     assert status_of(rounds)[0] == status
+
+
+@pytest.mark.parametrize(("step", "round_"), [(0, 0), (0, 1), (2, 1)])
+def test_a_step_that_is_not_accepted_in_any_round_keeps_a_solver_from_winning(step: int, round_: int) -> None:
+    judged = [replace(made_up([0.1, 0.01, 0.01]), distances=np.tile([0.0, 0.0, 1.0], (3, 1))) for _ in range(2)]
+    judged[round_].steps[step, NUMBERS.index("dual")] = 1.0
+    tables = tables_of([cell()], [judged])
+    row = tables.timing.iloc[0]
+    assert (row["status"], row["accepted"], row["expected"]) == (SOME_REFUSED, 2, 3)
+    assert "1 of 6 steps" in row["message"]
+    assert not tables.summary["proved"].any()
 
 
 def test_a_cell_without_any_step_is_a_row_without_times() -> None:

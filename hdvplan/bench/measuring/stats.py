@@ -94,15 +94,16 @@ def timing_table(
         reached = len(measured[0].steps)
         whole = reached if status == OVER_BUDGET else most.get((cell.road, cell.vehicle, str(cell.scheme), cell.limits), 0)
         whole = max(whole, reached + 1) if measured[0].outcome not in {OK, OVER_BUDGET} else whole  # the step in which it ended
-        first = mine[mine["round"] == 0]
+        first, every = mine[mine["round"] == 0], mine.groupby("step")["accepted"].all()
+        good = every.reindex(first["step"]).sum()  # in every round
         rows.append(
             dict(zip(KEY, key_of(cell), strict=True))
             | {"status": status, "rounds": len(measured)}
             | statistics
             | {
-                "accepted": int(first["accepted"].sum()),
+                "accepted": int(good),
                 "expected": int(whole),
-                "success": first["accepted"].sum() / whole if whole else 0.0,
+                "success": good / whole if whole else 0.0,
                 "distance_m": first["distance_m"].max(),
                 "distance_u": first["distance_u"].max(),
                 "nonzeros": measured[0].nonzeros,
@@ -120,26 +121,23 @@ def status_of(measured: Sequence[Measurement], accuracy: float | None = None, ap
     for drive in measured:
         if drive.outcome != OK:
             return drive.outcome, drive.message
-    judged = measured[0].table()
-    refused = sum(int((~drive.table()["usable"]).sum()) for drive in measured)
-    if refused:
-        return (
-            SOME_UNSOLVED,
-            f"{refused} of {sum(len(drive.steps) for drive in measured)} steps break their program by too much to be driven",
-        )
+    tables = [drive.table() for drive in measured]
+    judged, count = tables[0], sum(map(len, tables))
+    if refused := sum(int((~table["usable"]).sum()) for table in tables):
+        return SOME_UNSOLVED, f"{refused} of {count} steps break their program by too much to be driven"
     if remembers([drive.steps for drive in measured]):
         return UNFAIR, "the solver remembers answers: the programs of its first round take it a fraction of the time when asked again"
     another = max(WRONG_M, TUNED * (accuracy or 0.0))
     wrong = int((judged["distance_m"] > another).sum())
     if wrong:
         return WRONG, f"{wrong} of {len(judged)} optima lie up to {judged['distance_m'].max():.1e} m from the reference's"
-    good = accepted_steps(judged, judged, accuracy)
-    if not good.all():
-        bad, words = judged[~good], "are not proved optimal by their multipliers; the first: "
-        first = f"dual residual {bad['dual'].iloc[0]:.1e}, gap {bad['gap'].iloc[0]:.1e}, multipliers up to {bad['scale'].iloc[0]:.1e}"
+    bad = pd.concat([table[~accepted_steps(table, judged, accuracy)] for table in tables])
+    if len(bad):
+        words, scale = "are not proved optimal by their multipliers; the first: ", judged["scale"][bad.index[0]]
+        first = f"dual residual {bad['dual'].iloc[0]:.1e}, gap {bad['gap'].iloc[0]:.1e}, multipliers up to {scale:.1e}"
         if accuracy is not None:
             words, first = f"lie further than {TUNED * accuracy:g} m from the optimum; at most ", f"{bad['distance_m'].max():.1e} m"
-        return SOME_REFUSED, f"{len(bad)} of {len(judged)} steps {words}{first}"
+        return SOME_REFUSED, f"{len(bad)} of {count} steps {words}{first}"
     return (WRONG_PATH, f"its path lies up to {apart:.1e} m from that of {REFERENCE}") if apart > another else (OK, "")
 
 
