@@ -243,6 +243,17 @@ def test_processor_time_decides_where_the_clock_cannot_if_the_steps_take_most_of
     assert re.search(r"; 10 pairs would have shown a slowdown of \d+ %; load average 3\.0 on \d+ cores(;|$)", line)
 
 
+def test_a_cell_that_took_longer_in_pairs_that_do_not_agree_is_told_so_and_not_that_nothing_could_be_seen() -> None:
+    slower = (1.14, 1.15, 1.16, 1.13, 1.11, 1.145, 1.15, 1.14, 1.15, 0.773)  # a machine that was disturbed in the last pair
+    comparison = compare(
+        side(*[told_steps()] * 10), side(*[told_steps(slow=one) for one in slower]), Rule(), Tolerance(), expect_changes=False
+    )
+    line = verdict_line(comparison, Rule())
+    assert "1 of 1 cells took longer, most depot: 1.1" in line
+    assert "times as long, but the pairs do not agree well enough to prove it" in line
+    assert "too uncertain" not in line
+
+
 def test_a_suite_that_ends_well_without_a_benchmark_is_a_failed_program(tmp_path: Path) -> None:
     with pytest.raises(ProgramError, match="there is no benchmark in"):
         SuiteWork(tmp_path / "suite.toml").keep(Ended(0, "", ""), tmp_path / "00")

@@ -55,8 +55,13 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
         what = "sides of two comparisons" if comparison.apart else "one process a side"
         parts.append(f"{took}; {what} cannot tell a slower program from a slower hour, `hdvplan bench --against REV` can")
     elif unknown:
-        uncertain = f"the times of {len(unknown)} of {cells} cells are too uncertain for a factor of {rule.factor:g}"
-        parts.append(uncertain + _could(unknown, comparison))
+        if longer:
+            parts.append(f"{_longest(longer, cells, 'took longer')}, but the pairs do not agree well enough to prove it")
+        if open_ := [one for one in unknown if one not in longer]:
+            uncertain = f"the times of {len(open_)} of {cells} cells are too uncertain for a factor of {rule.factor:g}"
+            parts.append(uncertain + _could(open_, comparison))
+        if not np.isnan(comparison.load):
+            parts.append(f"load average {comparison.load:.1f} on {os.cpu_count() or 1} cores")
     if unsure:
         parts.append(f"too few processes to be sure of {', '.join(unsure)}")
     if cells and not slower and not by_name and not unknown:
@@ -101,11 +106,9 @@ def _changed_parts(changes: Sequence[Change]) -> list[str]:
 
 
 def _could(unknown: Sequence[Entry], comparison: Comparison) -> str:
-    """Return what could have been seen in spite of the noise, and the load of the machine."""
+    """Return what could have been seen in spite of the noise."""
     seen = max(max(entry.decision.detectable, entry.decision.high) for entry in unknown)
-    words = f"; {comparison.processes} pairs would have shown a slowdown of {100.0 * (seen - 1.0):.0f} %" if np.isfinite(seen) else ""
-    cores = os.cpu_count() or 1
-    return words if np.isnan(comparison.load) else f"{words}; load average {comparison.load:.1f} on {cores} cores"
+    return f"; {comparison.processes} pairs would have shown a slowdown of {100.0 * (seen - 1.0):.0f} %" if np.isfinite(seen) else ""
 
 
 def comparison_tables(comparison: Comparison) -> list[Table]:
