@@ -14,6 +14,7 @@ import pytest
 from hdvplan.bench.comparing.compare import Comparison, compare, compare_counters
 from hdvplan.bench.comparing.counters import Tolerance, counters_of, read_counters, write_counters
 from hdvplan.bench.comparing.decision import GateVerdict, Rule
+from hdvplan.bench.comparing.reports import junit_xml
 from hdvplan.bench.comparing.sides import Side, read_side, times_of
 from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.measuring.samples import Measurement
@@ -173,6 +174,19 @@ def test_a_cell_that_one_side_lacks_is_a_change() -> None:
     assert (change.cell[2], change.counter, change.base, change.new) == ("sqp", "cell", "measured", "missing")
     assert held(whole, without).verdict is GateVerdict.REGRESSED
     assert verdict_line(held(whole, without), Rule()).startswith("regressed: 1 cell of the base was not measured")
+
+
+def test_a_cell_that_the_base_lacks_is_told_and_not_red_and_changed_work_beside_it_is() -> None:
+    whole = side()
+    base = Side(whole.counters.iloc[:1], tuple({KEY: process[KEY]} for process in whole.processes))
+    comparison = held(base, whole)
+    assert [(change.counter, change.base, change.new) for change in comparison.changes] == [("cell", "missing", "measured")]
+    assert comparison.verdict is GateVerdict.FINE
+    assert verdict_line(comparison, Rule()).startswith("fine: new, with nothing to compare: bend bus sqp riccati; no cell of 1 is slower")
+    assert b'failures="0"' in junit_xml(comparison, Rule())
+    changed = held(base, side(change=more_iterations))
+    assert changed.verdict is GateVerdict.REGRESSED
+    assert "counters changed in 1 cell; new, with nothing to compare" in verdict_line(changed, Rule())
 
 
 def test_a_cell_that_crashes_in_one_process_of_several_is_a_lost_plan_and_never_left_out() -> None:

@@ -89,9 +89,9 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
 
     What could not be seen prevents no answer unless ``strict``.
 
-    What was planned before and is not any more is one in any case. Times are compared over the rounds and steps that both sides have. All
-    are judged together: the more there are, the better the pairs of processes must agree in one of them. Of different machines counters
-    alone count, with the room that another one's rounding needs.
+    What was planned before and is not any more is one in any case, a cell that is new in none. Times are compared over the rounds and steps
+    that both sides have. All are judged together: the more there are, the better the pairs of processes must agree in one of them. Of
+    different machines counters alone count, with the room that another one's rounding needs.
     """
     elsewhere = bool(base.machines and new.machines) and base.machines != new.machines
     if elsewhere:
@@ -159,7 +159,7 @@ def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Co
 def _verdict(
     changes: Iterable[Change], times: Sequence[Entry], found: Iterable[Entry], *, expect_changes: bool, strict: bool
 ) -> GateVerdict:
-    counted = any(change.is_lost or not expect_changes for change in changes)
+    counted = any(change.is_red(expected=expect_changes) for change in changes)
     doubts = [entry for entry in found if entry.decision.is_doubtful or (strict and entry.decision.unseen)]
     if counted or any(entry.is_worse for entry in (*times, *found)):
         return GateVerdict.REGRESSED

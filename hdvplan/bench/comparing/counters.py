@@ -53,6 +53,15 @@ class Change:
         return self.counter == "cell" and self.new == "missing"
 
     @property
+    def is_new(self) -> bool:
+        """Whether it is a cell that the base does not have."""
+        return self.counter == "cell" and not self.is_missing
+
+    def is_red(self, *, expected: bool) -> bool:
+        """Whether it is a regression where changed counters are ``expected`` or not."""
+        return self.is_lost or not (expected or self.is_new)
+
+    @property
     def is_lost(self) -> bool:
         """Whether it is a cell that was planned to its end, and rightly, before, and is not now."""
         return self.is_missing or (self.counter == "status" and self.base == OK and self.new in LOST)

@@ -123,7 +123,7 @@ def _changed(comparison: Comparison) -> dict[tuple[str, ...], list[Change]]:
 
 def _counts(changes: Sequence[Change], comparison: Comparison) -> bool:
     """Tell whether the changed counters of a cell are a regression."""
-    return not comparison.expected or any(change.is_lost for change in changes)
+    return any(change.is_red(expected=comparison.expected) for change in changes)
 
 
 def _changed_words(changes: Sequence[Change]) -> str:

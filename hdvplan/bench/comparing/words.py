@@ -18,7 +18,6 @@ from hdvplan.report.grid import grid, markdown_table
 
 ALL_CELLS = "all cells"  # what a statistic is of
 _WRONG = ("cell", "what", "base", "new", "new/base")
-_WORK = ("cell", "steps")  # changes of what is done at all
 _NUMBERS = ("base", "new", "new/base", "interval", "visible\nfrom", "verdict")  # so that 80 columns hold them
 _TIMES = (*KEY, "base [ms]", "new [ms]", *_NUMBERS[2:])
 _FOUND = ("what", *_NUMBERS)
@@ -95,14 +94,15 @@ def _changed_parts(changes: Sequence[Change]) -> list[str]:
     why = next((f" ({change.why})" for change in changes if change.why), "")
     parts = [f"no right plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
     parts += [f"{len(gone)} cell{_s(len(gone))} of the base {'was' if len(gone) == 1 else 'were'} not measured"] if gone else []
-    work = [change for change in changes if change.counter in _WORK and not change.is_lost]
-    others = len({change.cell for change in changes} - {change.cell for change in work} - {c.cell for c in changes if c.counter == "cell"})
-    if work:
-        first, count = work[0], len({change.cell for change in work})
-        words = "is new" if first.counter == "cell" else f"takes {first.new} steps, not {first.base}"
-        more = f", and {count - 1} more" if count > 1 else ""
-        parts.append(f"other work: {cell_words(first.cell)} {words}{more}")
-    return [*parts, f"counters changed in {others} cell{_s(others)}"] if others else parts
+    if work := [change for change in changes if change.counter == "steps"]:
+        first, more = work[0], f", and {len(work) - 1} more" if len(work) > 1 else ""
+        parts.append(f"other work: {cell_words(first.cell)} takes {first.new} steps, not {first.base}{more}")
+    others = len({change.cell for change in changes if change.counter != "cell"} - {change.cell for change in work})
+    parts += [f"counters changed in {others} cell{_s(others)}"] if others else []
+    if added := [change for change in changes if change.is_new]:
+        more = f", and {len(added) - 1} more" if len(added) > 1 else ""
+        parts.append(f"new, with nothing to compare: {cell_words(added[0].cell)}{more}")
+    return parts
 
 
 def _could(unknown: Sequence[Entry], comparison: Comparison) -> str:
