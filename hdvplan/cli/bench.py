@@ -85,6 +85,7 @@ def bench(
     from hdvplan.bench.comparing.counters import read_counters
     from hdvplan.bench.measuring.courses import cases_of
     from hdvplan.bench.measuring.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
+    from hdvplan.bench.measuring.ranking import broken_limits
     from hdvplan.bench.measuring.run import remaining, run
     from hdvplan.bench.measuring.timing import LAYOUTS, reasons_of, summary_tables
     from hdvplan.bench.tables import OK
@@ -141,7 +142,11 @@ def bench(
             print_json({**head, **{name: rows_json(tables[name]) for name in LAYOUTS}})
         elif not quiet:
             print_tables(*summary_tables(tables, record.get("tolerances")))
-            for line in (*reasons_of(tables["timing"]), *(finding["text"] for finding in record["verdict"])):
+            for line in (
+                *reasons_of(tables["timing"]),
+                *broken_limits(tables["summary"]),
+                *(finding["text"] for finding in record["verdict"]),
+            ):
                 print_line(line)
             for warning in (record["load"]["warning"], *record.get("untuned", [])):
                 if warning:

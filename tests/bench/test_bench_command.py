@@ -32,6 +32,14 @@ def files_of(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
+def test_limits_that_plans_break_are_told_and_those_that_are_kept_are_not(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    for half_width, broken in (("0.1", True), ("3", False)):
+        outcome = cli("bench", "--roads", short_road, *SHORTEST, "--half-width", half_width, "--out", half_width)
+        assert outcome.code == 0
+        for text in (outcome.out, (tmp_path / half_width / "summary.md").read_text(encoding="utf-8")):
+            assert bool(re.search(r"bus, rti: plans break their limits by up to \d\.\d\d m", text)) == broken
+
+
 def test_a_run_writes_every_file_of_the_contract_with_captions_that_tell_accuracy(cli: Cli, tmp_path: Path, short_road: str) -> None:
     outcome = cli("bench", "--roads", short_road, *TINY, "--out", "run")
     assert outcome.code == 0

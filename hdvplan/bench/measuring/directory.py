@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from hdvplan.bench import PICTURE
-from hdvplan.bench.measuring.ranking import findings_of, load_of
+from hdvplan.bench.measuring.ranking import broken_limits, findings_of, load_of
 from hdvplan.bench.measuring.samples import part_file, read_part
 from hdvplan.bench.measuring.stats import tables_of
 from hdvplan.bench.measuring.timing import LAYOUTS, captions, foot_of, latex, markdown, settings_words, untuned
@@ -99,7 +99,7 @@ def finish(suite: Suite, directory: Path) -> None:
     at_end, finished = load_average(), now()
     load = load_of(tables.summary, record["sessions"], at_end, record["machine"]["usable_cores"], finished)
     findings = findings_of(tables.summary, load)
-    foot = foot_of(suite, record.get("tolerances", {}), findings, load, tables.timing)
+    foot = [*foot_of(suite, record.get("tolerances", {}), findings, load, tables.timing), *broken_limits(tables.summary)]
     packed = tables.samples.to_csv(index=False, lineterminator="\n", float_format=_SAMPLE_DIGITS)
     write_atomically(directory / "samples.csv.gz", gzip.compress(encoded(packed), mtime=0))
     caption = captions(suite, record["machine"], tables, record.get("tolerances"))

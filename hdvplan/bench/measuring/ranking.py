@@ -17,6 +17,7 @@ import pandas as pd
 
 from hdvplan.bench.measuring.referee import TUNED
 from hdvplan.bench.suite import AS_SET, GROUP, KEY
+from hdvplan.judging.balance import KEPT_M
 
 SHIFT_MS = 0.1  # of the geometric mean: steps far shorter than this do not decide it
 
@@ -154,6 +155,15 @@ def _lasted(sessions: Sequence[Mapping[str, object]], finished: str) -> list[flo
 def group_words(vehicle: str, scheme: str, limits: str) -> str:
     """Return what a verdict is about."""
     return f"{vehicle}, {scheme}" + ("" if limits == AS_SET else f", limits {limits}")
+
+
+def broken_limits(summary: pd.DataFrame) -> list[str]:
+    """Return of each group whose executed plans break their limits by how much they do at most."""
+    return [
+        f"{group_words(*map(str, key))}: plans break their limits by up to {deepest:.2f} m, as envelope.csv has it of each cell"
+        for key, mine in summary.groupby(GROUP, sort=False)
+        if (deepest := mine["limit_violation_m"].max()) > KEPT_M
+    ]
 
 
 def _finding(group: pd.DataFrame, load: Load) -> Finding:
