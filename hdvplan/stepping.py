@@ -68,16 +68,23 @@ class Stepper:
     def plan(self) -> Plan:
         """Plan over one horizon from where the vehicle is: states ``z`` (N + 1, n) at the stations, curvatures ``kappa`` (N,) between.
 
+        Where no program was solved, the last plan goes on, and the plan is not ``usable``. One that is refused leaves nothing to the next.
+
         Raises:
-            PlanError: a point of the vehicle has no foot on the road, or the vehicle is too far from it for a plan to lead on.
+            PlanError: a point of the vehicle has no foot on the road, or the vehicle is too far from it for a plan to lead on, or its
+                heading error reaches 90 degrees, where the road-aligned model ends.
             SolverError: the first plan could not be solved, or none over the length of one.
 
         """
+        s, off, turned = self.s, abs(float(self.z[0])), float(np.rad2deg(self.z[1]))
+        if abs(self.z[1]) >= 0.5 * np.pi:
+            msg = f"at s = {s:z.1f} m a heading error of {turned:.0f} degrees: along the road's line a vehicle is planned below 90"
+            raise PlanError(msg, s_m=s, hint="is the heading, less that of the road's line, known, and in radians?")
         plan = self._planner.plan(self.at, np.ascontiguousarray(self.z), self.kappa)
-        if plan.usable and self._planner.leaps:
-            s, off = float(self._stations.s[self.at]), abs(float(self.z[0]))
+        if self._planner.leaps():
             msg = f"at s = {s:z.1f} m no plan was found that leads on from {off:.1f} m beside the road's line"
-            raise PlanError(msg, s_m=s, hint="is the vehicle's place on the road known?")
+            msg += f", with a heading error of {turned:z.0f} degrees"
+            raise PlanError(msg, s_m=s, hint="are the vehicle's place on the road and its heading known?")
         return plan
 
     def simulate(self, plan: Plan) -> FloatArray:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import hdvplan
+from hdvplan import stepping
 from hdvplan.api import drive_case
 from hdvplan.errors import OptionError, PlanError
 from hdvplan.planning.bias import Bias
 from hdvplan.road.path import from_curvature
+from tests.fakes import Fake
 
 
 def case_of(vehicle: str, half_width: float) -> hdvplan.Case:
@@ -107,3 +111,52 @@ def test_from_far_beside_the_line_there_is_no_plan_but_one_that_leads_on() -> No
         else:
             plan = stepper.plan()
             assert np.max(np.abs(stepper.simulate(plan) - plan.z[: stepper.count + 1])) < 0.05
+
+
+def put(z: list[float], *, after: tuple[list[float], ...] = ()) -> hdvplan.Stepper:
+    """Return a stepper at the station 10 in a state, after plans from others there."""
+    stepper = hdvplan.Stepper(hdvplan.Case(hdvplan.load_road("uturn").with_limits(3.0, 3.0), hdvplan.load_vehicle("bus")))
+    for before in after:
+        stepper.arrive(np.array(before), 0.0)
+        with pytest.raises(PlanError):
+            stepper.plan()
+        stepper.at = 0
+    stepper.arrive(np.array(z), 0.0)
+    return stepper
+
+
+@pytest.mark.parametrize("before", [[30.0, 0.0], [0.0, 1.5], [0.0, 2.0]])
+def test_a_plan_after_one_that_was_refused_is_that_of_a_new_stepper(before: list[float]) -> None:
+    """The next began at the motion that did not lead on: unusable, 23 m beyond a limit, and nothing was raised."""
+    with pytest.raises(PlanError):
+        put([0.0, 1.5], after=([30.0, 0.0],)).plan()
+    plan, expected = put([0.3, 0.1], after=(before, before)).plan(), put([0.3, 0.1]).plan()
+    assert expected.usable
+    assert np.array_equal(plan.z, expected.z)
+    assert np.array_equal(plan.kappa, expected.kappa)
+
+
+@pytest.mark.parametrize(("off", "said"), [
+    (1.5, "leads on from 0.0 m beside the road's line, with a heading error of 86 degrees"),
+    (-np.pi / 2, "a heading error of -90 degrees: along the road's line a vehicle is planned below 90"),
+    (2.0, "a heading error of 115 degrees: along the road's line a vehicle is planned below 90"),
+])  # fmt: skip
+def test_a_heading_from_which_no_plan_leads_on_is_named(off: float, said: str) -> None:
+    with pytest.raises(PlanError, match=re.escape(said)) as raised:
+        put([0.0, off]).plan()
+    assert "heading" in str(raised.value.hint)
+
+
+def test_where_no_program_is_solved_the_last_plan_goes_on_for_a_vehicle_that_is_near_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    first = put([0.0, 0.0]).plan()
+    monkeypatch.setattr(stepping, "dependable", lambda _: Fake("giving up", honest=first.qp_count))
+    stepper = put([0.0, 0.0])
+    count = stepper.count
+    assert stepper.plan().usable
+    stepper.arrive(first.z[count] + [0.1, 0.0], first.kappa[count - 1])
+    plan = stepper.plan()
+    assert not plan.usable
+    assert np.array_equal(plan.kappa[: len(first.kappa) - count - 1], first.kappa[count:-1])
+    stepper.arrive(np.array([3.0, 0.0]), plan.kappa[count - 1])
+    with pytest.raises(PlanError, match="leads on from 3"):
+        stepper.plan()

@@ -289,13 +289,15 @@ int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before
 }
 
 /* Against de_y/ds = (1 - curvature e_y) tan(e_psi), half-way between two stations. */
-int64_t hdv_leaps(const struct hdv_planner *planner) {
+int64_t hdv_leaps(struct hdv_planner *planner) {
     const struct hdv_scene *scene = planner->scene;
     for (int64_t i = 0; i < planner->executed; i++) {
         const double *z = scene->motion + i * (scene->states + 1), *next = z + scene->states + 1;
         double along = 1.0 - 0.5 * (z[0] + next[0]) * scene->road[i].curvature_between;
-        if (!(fabs(next[0] - z[0] - scene->road[i].step * along * tan(0.5 * (z[1] + next[1]))) <= leap))
+        if (!(fabs(next[0] - z[0] - scene->road[i].step * along * tan(0.5 * (z[1] + next[1]))) <= leap)) {
+            planner->last = -1;
             return 1;
+        }
     }
     return 0;
 }

@@ -81,8 +81,8 @@ struct hdv_planner {
 /* One step with our solver, from the state in planner->start at a station; ``kappa_before`` was held until there. */
 HDV_EXPORT int64_t hdv_step(struct hdv_planner *planner, int64_t first, double kappa_before);
 
-/* Whether e_y of the planned motion leaps within what is driven. */
-HDV_EXPORT int64_t hdv_leaps(const struct hdv_planner *planner);
+/* Whether e_y of the planned motion leaps within what is driven; it is then forgotten: the next plan starts cold. */
+HDV_EXPORT int64_t hdv_leaps(struct hdv_planner *planner);
 
 /* The motion that a step linearises at, and its merit. */
 HDV_EXPORT int64_t hdv_guess_motion(

@@ -200,9 +200,8 @@ class Planner:
             violation=step.violation, moved=step.moved, merit=step.merit if step.priced else None, halvings=step.halvings, times=times,
         )  # fmt: skip
 
-    @property
     def leaps(self) -> bool:
-        """Whether the last plan's motion does not reach its start: so far from the line, its steps were shortened too much."""
+        """Return whether the last plan's motion does not reach its start, so far from the line; it is then forgotten."""
         return bool(_leaps(self._address))
 
     def _solved(self, times: StepTimes, *, refused: bool) -> QpResult:
