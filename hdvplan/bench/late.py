@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from hdvplan.qp.program import StageQp, StageSolution
-from hdvplan.qp.workspace import LateError, QpResult, QpWorkspace, in_time
+from hdvplan.qp.workspace import LateError, QpResult, QpWorkspace, WorkspaceMaker, in_time
 from hdvplan.solvers import registry
 
 
@@ -17,6 +17,10 @@ class Watch:
     on_solved: Callable[[int], None]
     solved: int = 0
     late: str = ""
+
+    def over(self, make: WorkspaceMaker) -> WorkspaceMaker:
+        """Return what makes workspaces that it watches."""
+        return lambda shape: Watched(make(shape), self)
 
 
 class Watched:

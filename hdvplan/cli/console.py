@@ -111,15 +111,18 @@ def writing(what: str, hint: str | None = "choose another folder with --out") ->
 
 
 @contextmanager
-def progress(task: str, *, quiet: bool, undisturbed: bool = False, lines: bool = False) -> Iterator[Callable[[float], None]]:
+def progress(
+    task: str, *, quiet: bool, undisturbed: bool = False, part: Callable[[], str] | None = None
+) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left on stderr while the block runs; it receives the done share, 0 to 1.
 
-    Where stderr is no terminal, or with ``lines``, where something is printed meanwhile, a line is written at most every ten seconds.
+    Where stderr is no terminal, or with ``part``, which says what is done now, a line is written at most every ten seconds: something
+    else is printed meanwhile.
     With ``undisturbed`` the bar is drawn only when the share changes: no other thread runs during a measurement, and the time left is
     estimated from the last hour.
     """
-    if quiet or lines or not sys.stderr.isatty():
-        yield (lambda _: None) if quiet else _lines(task)
+    if quiet or part or not sys.stderr.isatty():
+        yield (lambda _: None) if quiet else _lines(lambda: task if part is None else f"{task} {part()}")
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -132,7 +135,7 @@ def progress(task: str, *, quiet: bool, undisturbed: bool = False, lines: bool =
         yield lambda share: bar.update(known, completed=share, refresh=undisturbed)
 
 
-def _lines(task: str) -> Callable[[float], None]:
+def _lines(task: Callable[[], str]) -> Callable[[float], None]:
     """Return what writes how far a task is, and the time left, whenever ``_TELL_S`` have passed: logs are read while they grow."""
     first: float | None = None
     last = began = monotonic()
@@ -146,7 +149,7 @@ def _lines(task: str) -> Callable[[float], None]:
             return
         last = now
         left = f", about {duration((now - began) * (1.0 - share) / (share - first))} left" if share > first else ""
-        note(f"{task}: {100.0 * share:.0f} %{left}")
+        note(f"{task()}: {100.0 * share:.0f} %{left}")
 
     return tell
 

@@ -76,8 +76,8 @@ def _check(name: str, *, json: bool) -> int:
 
     programs = samples()
     note(f"{len(CONTRACT)} rules, on {len(programs)} programs each; each rule is printed when it is done", quiet=json)
-    said: set[str] = set()
-    with progress("checking", quiet=json, lines=True) as on_progress:
+    said: list[str] = []
+    with progress("checking", quiet=json, part=lambda: f"rule {len(said) + 1} of {len(CONTRACT)}") as on_progress:
         findings = checked(make, None if json else lambda finding: _print_finding(finding, said), on_progress)
     if json:
         print_json([asdict(finding) for finding in findings])
@@ -90,7 +90,7 @@ def _check(name: str, *, json: bool) -> int:
     return ExitCode.BROKEN
 
 
-def _print_finding(finding: Finding, said: set[str]) -> None:
+def _print_finding(finding: Finding, said: list[str]) -> None:
     """Print what was found: once, as one exception often breaks most rules."""
     print_line(f"{'ok  ' if finding.kept else 'FAIL'} {finding.rule}: {'the same' if finding.said in said else finding.said}")
-    said.add(finding.said)
+    said.append(finding.said)

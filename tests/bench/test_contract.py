@@ -114,13 +114,22 @@ def test_the_command_prints_every_rule_and_fails_with_one(capsys: pytest.Capture
 
 
 def test_a_solver_that_is_late_once_is_not_asked_again(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    contract.checked(solver_named("riccati"))  # counts what rules ask for, once, without the limit
     monkeypatch.setattr(registry, "LIMIT_S", 0.2)
     monkeypatch.setattr(console, "_TELL_S", 0.0)
     assert run(["solvers", "--check", "tests.bench.test_contract:Stuck"]) == 1
     told = capsys.readouterr()
     assert told.out.count("LateError: no answer within 0.2 s after 3 programs") == 1
     assert told.out.count(": the same") == len(CONTRACT) - 1
-    assert "checking: " in told.err
+    assert f"checking rule 1 of {len(CONTRACT)}: " in told.err
+
+
+def test_every_program_that_a_rule_asks_for_is_the_same_progress() -> None:
+    """A rule that asks three times for each stood at its end after a third, and the time that was left did not shrink."""
+    shares: list[float] = []
+    contract.checked(solver_named("riccati"), on_progress=shares.append)
+    assert shares[-1] < 1.0
+    assert np.allclose(np.diff(shares), shares[0], rtol=1e-9)  # to rounding
 
 
 class Stuck(Careless):
