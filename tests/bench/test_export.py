@@ -22,6 +22,7 @@ from hdvplan.qp.program import StageQp, StageShape
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.riccati import InteriorWorkspace
 from hdvplan.vehicle.load import load_vehicle
+from tests.core.twins import kinematics as twin
 
 pytest.importorskip("pyarrow")
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -113,6 +114,33 @@ def test_sparse_programs_are_what_was_planned_with_and_their_solutions_solve_the
         assert np.all((row["z_box"] <= 0.0) | np.isfinite(row["ub"]))
         assert np.max(np.abs(row["A"] @ row["x"] - row["b"])) < 1e-12  # dynamics to rounding
         assert np.max(row["G"] @ row["x"] - row["h"]) < 1e-10
+
+
+def test_the_layout_finds_the_dynamics_of_a_stage_and_the_price_of_its_slacks(sparse: Path) -> None:
+    manifest = json.loads((sparse / "manifest.json").read_text(encoding="utf-8"))
+    units, step, standing = load_vehicle("bus").table(), 0.5, np.zeros(3)  # the U-turn begins with a straight
+
+    def rates(x: FloatArray) -> FloatArray:
+        return np.append(twin.rates(units, 0.0, x[:2], x[2]), 0.0)
+
+    def driven(x: FloatArray) -> FloatArray:
+        return x + step * rates(x + 0.5 * step * rates(x))
+
+    reach = 1e-5 * np.eye(3)
+    expected = np.array([(driven(standing + one) - driven(standing - one)) / 2e-5 for one in reach]).T
+    for sequence in manifest["sequences"]:
+        program = sequence["programs"][0]
+        row = from_npz(sparse, sequence["name"], program["name"])
+        elastic = program["limits"] == "unkeepable"
+        columns = {name: np.array(at, int) for name, at in sequence["layout"]["elastic" if elastic else "hard"].items()}
+        rows = len(columns["x"][0]) + np.arange(3)
+        np.testing.assert_allclose(row["A"][rows][:, columns["x"][0]].toarray(), expected, atol=1e-9)
+        np.testing.assert_allclose(row["A"][rows][:, columns["u"][0]].toarray(), expected[:, 2:], atol=1e-9)  # a change of kappa
+        np.testing.assert_array_equal(row["A"][rows][:, columns["x"][1]].toarray(), -np.eye(3))
+        assert np.all(row["q"][columns["sigma"]] > 0.0)
+        assert np.all(row["lb"][columns["sigma"]] == 0.0)
+        every = np.concatenate([at.ravel() for at in columns.values()])
+        assert sorted(every) == list(range(len(row["q"])))
 
 
 @pytest.mark.slow

@@ -14,7 +14,8 @@ The first two state minimise 1/2 x'Px + q'x subject to G x <= h, A x = b, lb <= 
 Where limits can be kept rows are hard there; where they cannot, every row has an elastic column. In stages every row has its slack.
 ``manifest.json`` names all programs in their order, with ``shift``, the stations that the horizon moved on since the program before, and
 by how much the solution breaks its program's optimality conditions, which is 1e-10 at most of the largest multiplier; ``ended`` is why
-a drive ended early, else null.
+a drive ended early, else null. ``layout`` has, for hard and elastic rows, the columns of every stage's states x_0..x_N, inputs
+u_0..u_{N-1} and slacks sigma_1..sigma_N. The first rows of A give x_0, as many each then x_1..x_N; those of G belong to stages 1..N.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import json_bytes, write_atomically
-from hdvplan.qp.program import StageQp, StageSolution
+from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import residuals
 from hdvplan.record import record_of
 from hdvplan.solvers.registry import solver_named
@@ -94,11 +95,21 @@ def export(cases: Sequence[Case], directory: Path, form: str = "qpbenchmark", mo
         road = {"road": case.road.name, "notice": case.road.notice}
         settings = {"horizon_m": case.settings.horizon, "step_m": case.settings.step, "scheme": str(case.settings.scheme)}
         entry = {"name": name} | road | {"vehicle": case.vehicle.name, "ended": early} | settings
+        entry["layout"] = _layout(found[0].recorded.qp.shape) if found and form != "acados" else None
         sequences.append(entry | {"programs": [_listed(one, before) for before, one in zip([None, *found], found, strict=False)]})
     manifest = {"format": form, "sequences": sequences}
     write_atomically(directory / "manifest.json", json_bytes(manifest))
     write_atomically(directory / "run.json", json_bytes(record_of(cases)))
     return sequences
+
+
+def _layout(shape: StageShape) -> dict[str, dict[str, list[list[int]]]]:
+    """Return the columns of every stage, of programs with hard and with elastic rows."""
+    forms = {name: SparseQp.of(shape, elastic=name == "elastic") for name in ("hard", "elastic")}
+    return {
+        name: {"x": form.x_columns.tolist(), "u": form.u_columns.tolist(), "sigma": form.sigma_columns.tolist()}
+        for name, form in forms.items()
+    }
 
 
 def _exact(qp: StageQp) -> StageSolution:
