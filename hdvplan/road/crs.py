@@ -134,7 +134,8 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
     wrong = scale[np.argmax(np.abs(scale - 1.0))] - 1.0
     if not abs(wrong) <= _FALSE_LENGTHS:
         msg = f"lengths in {name} are wrong by {100.0 * wrong:+.1f} % here"
-        raise RoadError(msg, hint="give longitude and latitude, or a metric system of this place such as its UTM zone")
+        hint = "are x east and y north? else give longitude and latitude, or a metric system of this place such as its UTM zone"
+        raise RoadError(msg, hint=hint)
     return plane
 
 

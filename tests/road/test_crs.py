@@ -109,6 +109,12 @@ def test_systems_in_which_lengths_are_wrong_are_refused_by_how_much(name: str) -
         to_plane(np.stack([x, y], axis=1), name)
 
 
+def test_eastings_and_northings_in_each_other_s_place_are_asked_for() -> None:
+    with pytest.raises(RoadError, match=r"lengths in EPSG:3006 are wrong by") as caught:
+        to_plane(np.array([[6398000.0, 319000.0], [6398040.0, 319000.0]]), "EPSG:3006")
+    assert str(caught.value.hint).startswith("are x east and y north?")
+
+
 @pytest.mark.parametrize("name", ["EPSG:32632", "EPSG:32633", "EPSG:3006", "EPSG:3035"])
 def test_systems_of_a_neighbouring_zone_and_of_all_europe_are_good_enough(name: str) -> None:
     x, y = Transformer.from_crs("OGC:CRS84", name, always_xy=True).transform(np.array([11.97, 11.98]), np.array([57.70, 57.70]))
