@@ -33,7 +33,7 @@ from hdvplan.road.leg_lines import legs_among
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import unheeded
 from hdvplan.road.properties import with_properties
-from hdvplan.road.regions import EDGE, Kind, Region, walls_of, without_spurs
+from hdvplan.road.regions import EDGE, Kind, Region, is_island, walls_of, without_spurs
 from hdvplan.texts import counted, printable, some_of
 
 _SNAP_M = 0.01
@@ -96,6 +96,11 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)
     drawn = [replace(_drawn(line, list(islice(rest, len(line.parts))), name), to_lonlat=to_lonlat) for line in chosen]
     regions = [Region(Kind.OBSTACLE, wall, label or EDGE) for _, walls, label in edges for wall in walls]
+    for edge, _, label in [] if legs else edges[:]:
+        others = [one for one in edges if one[0] is not edge]
+        if is_island(edge, [other for other, _, _ in others], drawn[0].points):
+            edges = others
+            regions.append(Region(Kind.OBSTACLE, shapely.Polygon(edge), label or EDGE))
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
     walls, told = _walls(features, beside, name)

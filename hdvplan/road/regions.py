@@ -88,6 +88,20 @@ def walls_of(lines: list[FloatArray]) -> list[shapely.Polygon]:
     return polygons_of(shapely.buffer(drawn, 0.5 * SPUR_M, cap_style="square", join_style="mitre"))
 
 
+def is_island(edge: FloatArray, others: list[FloatArray], line: FloatArray) -> bool:
+    """Return whether an edge is closed around a part of a ``line``, (n, 2) each [m], and others lie beyond it to both sides."""
+    if len(edge) < 4 or not others or np.any(edge[0] != edge[-1]):  # noqa: PLR2004 - of a ring
+        return False
+    drawn, ring = shapely.LineString(line), shapely.Polygon(edge)
+    if not (ring.is_valid and ring.intersects(drawn)) or ring.intersects(drawn.boundary):
+        return False
+    within = np.array(max(shapely.get_parts(shapely.intersection(drawn, ring)), key=shapely.length).coords)
+    (ahead, aside), middle = within[-1] - within[0], 0.5 * (within[0] + within[-1])
+    across = OPEN_M / max(float(np.hypot(ahead, aside)), SPUR_M) * np.array([-aside, ahead])
+    ways = shapely.difference(shapely.linestrings([[middle, middle + across], [middle, middle - across]]), ring)
+    return bool(np.all(shapely.intersects(ways, shapely.union_all([shapely.LineString(other) for other in others]))))
+
+
 def outlines_of(geometry: shapely.Geometry) -> list[shapely.LineString]:
     """Return the lines that draw a geometry: a line itself, of polygons their outlines, each with its holes behind it."""
     if isinstance(geometry, shapely.LineString):

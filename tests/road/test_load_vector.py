@@ -20,7 +20,7 @@ from pyproj import Transformer
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.road.load import load_road
+from hdvplan.road.load import find_road, load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind
 
@@ -247,6 +247,28 @@ def test_a_surface_that_is_an_edge_bounds_the_street_by_its_outline_and_its_hole
     (region,) = road.regions
     assert region.kind is Kind.OBSTACLE
     assert region.polygon.area == pytest.approx(4.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("ring", "island"),
+    [
+        pytest.param((30.0, -1.5, 38.0, 0.5), True, id="on the line, between kerbs"),
+        pytest.param((30.0, 1.0, 38.0, 2.0), False, id="beside the line"),  # a kerb: it stays on that side
+        pytest.param((10.0, -7.0, 90.0, 7.0), False, id="around the kerbs"),
+        pytest.param((-5.0, -1.5, 38.0, 0.5), False, id="around the start"),
+    ],
+)
+def test_a_closed_kerb_on_the_line_between_others_is_an_island(
+    tmp_path: Path, ring: tuple[float, float, float, float], island: bool
+) -> None:
+    kerbs = [shapely.LineString([(-10.0, y), (110.0, y)]) for y in (-5.0, 5.0)]
+    lines = [shapely.LineString([(0.0, 0.0), (100.0, 0.0)]), *kerbs, shapely.box(*ring).exterior]
+    drawing = write(tmp_path / "a.dxf", [shapely.LineString(line) for line in lines], crs=None, Layer=["ROAD", *["KERB"] * 3])
+    line = find_road(drawing, RoadOptions(layer="ROAD")).line
+    assert line is not None
+    raw = line.raw
+    assert [(region.label, region.polygon.area) for region in raw.regions] == ([("KERB", 16.0)] if island else [])
+    assert len(raw.edges) == 3 - island
 
 
 def test_an_area_that_may_be_swept_needs_an_outline(tmp_path: Path) -> None:
