@@ -64,6 +64,7 @@ def compare(
 
 
 def _compared(base: Path, new: Path, decision: Decision, reports: Path | None, report: Report) -> ExitCode:
+    from hdvplan.bench.comparing.compare import check_some_cells_are_shared
     from hdvplan.bench.comparing.compare import compare as compared
     from hdvplan.bench.comparing.counters import Tolerance
     from hdvplan.bench.comparing.reports import write_reports
@@ -75,6 +76,7 @@ def _compared(base: Path, new: Path, decision: Decision, reports: Path | None, r
         raise OptionError(msg)
     sides = read_side(base), read_side(new)
     check_same_settings(*sides)
+    check_some_cells_are_shared(*sides)
     about = "; ".join(
         f"{word}: {path} ({', '.join(side.machines) or 'machine unknown'})"
         for word, path, side in zip(("base", "new"), (base, new), sides, strict=True)

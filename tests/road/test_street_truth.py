@@ -383,3 +383,21 @@ def test_a_repeated_point_changes_no_kerb(tmp_path: Path, again: float) -> None:
             np.all(np.sum(np.diff(kerb.points, axis=0)[1:] * np.diff(kerb.points, axis=0)[:-1], axis=1) > 0.0) for kerb in street.kerbs
         )
     assert np.max(shapely.hausdorff_distance(lines[1:], lines[0])) < 5e-3  # chords of arcs that begin and end at other points
+
+
+@pytest.mark.parametrize("apart", [1e-7, 1e-5, 1e-3])
+def test_points_that_a_union_left_beside_each_other_turn_no_kerb(apart: float) -> None:
+    line = np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 60.0)])
+    clean = tuple(np.asarray(shapely.LineString(edge).segmentize(0.26).coords) for edge in offsets(line, 3.6))
+    jitter = np.random.default_rng(1)
+    torn = tuple(np.repeat(edge, 4, axis=0) + jitter.uniform(-apart, apart, (4 * len(edge), 2)) for edge in clean)
+    spare = [verdict(road_of(RawRoad(points=line, edges=edges))).spare for edges in (clean, torn)]
+    assert spare[1] == pytest.approx(spare[0], abs=0.005)  # of a jitter of 1 mm, and points that are left out within 2
+
+
+def test_a_wall_as_thin_as_a_piece_that_is_left_out_stays() -> None:
+    line = np.array([(0.0, 0.0), (100.0, 0.0)])
+    tip = np.array([(50.0, 0.2), (50.001, 0.2)])  # 1 mm thick
+    wall = np.vstack([[(-20.0, 3.0), (50.0, 3.0)], tip, [(50.001, 3.0), (120.0, 3.0)]])
+    found = verdict(road_of(RawRoad(points=line, edges=(wall, np.array([(-20.0, -2.0), (120.0, -2.0)])))))
+    assert found.word == NO

@@ -13,8 +13,9 @@ from hdvplan.bench.comparing.counters import WORK_TOLERANCE, Change, Tolerance, 
 from hdvplan.bench.comparing.decision import FEWEST, Decision, GateVerdict, Pairs, Rule, decide
 from hdvplan.bench.comparing.quantities import Abouts, Quantity, Values, cut_to, fastest, of_all, of_cell, quantities, step_of
 from hdvplan.bench.comparing.sides import COLD, CPU, LOAD, START, UNREPORTED, Name, Processes, Side, alike, cold_name, own_changes
-from hdvplan.bench.suite import KEY
+from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.bench.tables import OK
+from hdvplan.errors import OptionError
 
 _BUSY = 0.8  # of the time of steps that is processor time, unless they wait
 _SCALES = {"ms": 1e3, "s": 1.0, "MB": 1e-6}
@@ -205,6 +206,19 @@ def _share(processes: Processes, about: Abouts, name: Name) -> float:
 
 def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else np.nan
+
+
+def check_some_cells_are_shared(base: Side, new: Side) -> None:
+    """Refuse sides that have cells, and none of the same name: of two folders one is another one than was meant.
+
+    Raises:
+        OptionError: they are such.
+
+    """
+    ours, theirs = _names(base), _names(new)
+    if ours and theirs and not ours.keys() & theirs.keys():
+        msg = f"no cell is in both: the base has {cell_words(next(iter(ours)))}, the new run {cell_words(next(iter(theirs)))}"
+        raise OptionError(msg, hint="compare two runs of the same cells: --suite FILE keeps them")
 
 
 def _names(side: Side) -> dict[Name, None]:
