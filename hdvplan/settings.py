@@ -27,6 +27,7 @@ class Setting:
     names: tuple[str, ...] = ()  #: of its option, where they are not the field's
     above: float = -inf
     least: float = -inf
+    most: float = inf
     choices: Sequence[str] = ()  #: the words that it takes; an enumeration's are its own
     listed: bool = False  #: several words are given with commas, instead of the option again
 
@@ -88,7 +89,9 @@ def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
         value, setting = getattr(settings, name), field.setting
         if field.kind in {int, float} and not (field.optional and value is None):
             of_kind(name, value, Real)
-        if isinstance(value, Real) and not (isfinite(value) and float(value) > setting.above and float(value) >= setting.least):
+        if isinstance(value, Real) and not (
+            isfinite(value) and float(value) > setting.above and setting.least <= float(value) <= setting.most
+        ):
             msg = f"{name} must be {_bounds(setting)}, not {value:g}"
             raise OptionError(msg)
         if isinstance(value, str) and field.choices:
@@ -101,6 +104,8 @@ def check(settings: Any) -> None:  # noqa: ANN401 - any dataclass
 
 
 def _bounds(setting: Setting) -> str:
+    if setting.most < inf:
+        return f"above {setting.above:g} and at most {setting.most:g}"
     if setting.above == 0.0:
         return "a positive number"
     if setting.least > 0.0:

@@ -118,7 +118,9 @@ def plan(
         choice("--leg-line", leg_line, (LEAD, LAST))
     asked = _Asked(road, room.reaches(), reading, settings, options, output, largest, leg_line, centreline)
     output.drawn_on()  # a sheet that cannot be is told before anything is read
-    meeting_of(options)
+    if (meeting := meeting_of(options)) is not None:
+        stretch = "between s = {:z.1f} and {:z.1f} m".format(*meeting)
+        note(f"the answer holds while the other vehicle stays {stretch}, as this one drives", quiet=output.quiet)
     check_folder(output.out)
     from hdvplan.planning.objective_names import check_objective
     from hdvplan.solvers.registry import check_solver

@@ -151,8 +151,8 @@ def _who(result: Result, verdict: Verdict) -> list[str]:
         return [f"{full} to the {verdict.side}", f"{verdict.part} to the {verdict.side}", verdict.part]
     beside = "beyond" if _broken(verdict) else "beside"
     against = _against(result, verdict)
-    part = verdict.part
-    return [f"{full} {beside} {against}", f"{part} {beside} {against}", f"{part} {beside} {called('')}", part]
+    shortest = [f"{verdict.part} {beside} {called('')}"] if verdict.obstacle is not None else []
+    return [f"{full} {beside} {against}", f"{verdict.part} {beside} {against}", *shortest, verdict.part]
 
 
 def _answer(result: Result, verdict: Verdict, who: str, of: str) -> str:

@@ -98,14 +98,20 @@ class PlanOptions:
     ] = None
     meeting: Annotated[
         str | None,
-        Setting("With --beside: the other stays between these places of the road [m] while this one passes.", "FROM:TO"),
+        Setting(
+            "With --beside: the other stays between these places, along the road as this one drives [m], until it has passed.", "FROM:TO"
+        ),
     ] = None
     proof: Annotated[
         bool, Setting("If the plan breaks limits, look for a proof that no plan keeps them.", names=("--proof/--no-proof",))
     ] = True
-    refine: Annotated[bool, Setting("If the plan breaks limits, plan again so that less is lacking.", names=("--refine/--no-refine",))] = (
-        True
-    )
+    refine: Annotated[
+        bool,
+        Setting(
+            "Plan again for less that is lacking, or, close to limits, for the clearance that can be kept.",
+            names=("--refine/--no-refine",),
+        ),
+    ] = True
 
     def __post_init__(self) -> None:
         """Refuse a side that is none."""
@@ -134,6 +140,7 @@ class PlannerSettings:
             "W",
             ("--curvature-weight", "--smoothness"),
             above=0.0,
+            most=1e9,  # beyond it outweighs the prices of limits
         ),
     ] = 1e3  #: w_kappa, the weight of (kappa_i - kappa_{i-1})^2 against squared metres [m^4]
     discretisation: Annotated[Discretisation, Setting("Rule by which states are predicted.")] = Discretisation.MIDPOINT

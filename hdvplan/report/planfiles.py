@@ -94,7 +94,7 @@ def _check_summary(summary: object) -> None:
     """
     entries = summary if isinstance(summary, dict) else {}
     if "legs" in entries:
-        msg = "it is of several legs, and a report is of roads; plan.png shows all legs"
+        msg = "it is of several legs, and a report is of single drives; leave it out: its own plan.png and sheets show all legs"
         raise ValueError(msg)
     for name, kind in _ENTRIES.items():
         if not isinstance(entries.get(name), kind):

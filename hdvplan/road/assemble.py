@@ -191,8 +191,8 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
     if choice.layer is not None and choice.feature is None and all(line.feature.drawn for line in matching):
         return _Line(matching[0].feature, [part for line in matching for part in line.parts], directed=False)
     listed = _listed(matching or there)
-    if choice.feature is None and all(role_of(line.feature, choice) is Role.EDGE for line in there):
-        msg = f"{name}: {len(there)} lines, all of them kerbs by their names: {listed}"
+    if choice.feature is None and not any(role_of(line.feature, choice) is None for line in there):
+        msg = f"{name}: {len(there)} lines, all of them kerbs or obstacles by --role or their names: {listed}"
         raise RoadError(msg, hint="draw the line that is driven along, too, in a layer of its own; or choose one with --name or --id")
     if choice.feature is None:
         msg = f"{name}: {len(matching)} lines, and none is chosen: {listed}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -48,17 +49,38 @@ def beside_swept(road: Road, folder: Path, between: tuple[float, float] | None =
         msg = f"what {label} swept is in {'degrees' if on_earth else 'metres'}, and {road.name} is not"
         raise OptionError(msg, hint="plan both from the same road file")
     area = area if into is None else shapely.transform(area, into)
-    where = road.name
+    where, told = road.name, name
     if between is not None:
-        s_from, s_to = np.clip(between, 0.0, road.path.length)
+        s_from, s_to = _stretch(between, road.path.length, folder)
         area = shapely.intersection(area, shapely.buffer(Line.of(road.path).between(s_from, s_to), OPEN_M, cap_style="flat"))
-        where = f"{where} between s = {s_from:z.1f} and {s_to:z.1f} m"
-    regions = tuple(Region(Kind.OBSTACLE, polygon, label, plan=name) for polygon in polygons_of(area))
+        stretch = f"between s = {s_from:z.1f} and {s_to:z.1f} m"
+        where, told = f"{road.name} {stretch}", f"{name}, met {stretch}"
+    regions = tuple(Region(Kind.OBSTACLE, polygon, label, plan=told) for polygon in polygons_of(area))
     beside = tuple(region for region, apart in zip(regions, distances(road.path, regions), strict=True) if apart <= OPEN_M)
     if not beside:
         msg = f"what {label} swept lies more than {OPEN_M:.0f} m from {where}"
         raise OptionError(msg, hint="plan both from the same road file")
     return replace(road, regions=(*road.regions, *beside), faces=None, notes=(*road.notes, *broken_notes(folder)))
+
+
+def _stretch(between: tuple[float, float], length: float, folder: Path) -> tuple[float, float]:
+    """Return where on a road of this ``length`` the vehicle of the plan in ``folder`` waits [m].
+
+    Raises:
+        OptionError: that is beyond the road, or shorter than the vehicle.
+
+    """
+    s_from, s_to = (float(s) for s in np.clip(between, 0.0, length))
+    if s_from >= s_to:
+        msg = f"the two meet between s = {between[0]:z.1f} and {between[1]:z.1f} m, and the road is {length:.1f} m long"
+        raise OptionError(msg)
+    bodies = read_json(folder / "summary.json")["bodies"]
+    behind = sum(ahead["hitch_offset_m"] + body["wheelbase_m"] for ahead, body in pairwise(bodies))
+    own = bodies[0]["front_m"] + behind + bodies[-1]["rear_m"]
+    if s_to - s_from < own:
+        msg = f"the two meet within {s_to - s_from:.1f} m of the road, and the other vehicle is {own:.1f} m long"
+        raise OptionError(msg, hint="a longer stretch holds it")
+    return s_from, s_to
 
 
 def broken_notes(folder: Path) -> tuple[str, ...]:

@@ -204,6 +204,16 @@ def test_a_cell_that_crashes_in_one_process_of_several_is_a_lost_plan_and_never_
         assert sorted(entry.decision.pairs for entry in comparison.times) == [0, 3]
 
 
+def test_runs_without_a_cell_in_common_are_no_regression_but_refused(cli: Cli, two_runs: tuple[Path, Path]) -> None:
+    new = two_runs[1]
+    for file in ("timing.csv", "samples.csv.gz", "envelope.csv"):
+        table = pd.read_csv(new / file)
+        table.assign(road=table["road"] + "2").to_csv(new / file, index=False)
+    outcome = cli("compare", "base", "new")
+    assert outcome.code == 2
+    assert "no cell is in both: the base has" in outcome.err
+
+
 def test_a_crash_in_a_later_process_is_read(two_runs: tuple[Path, Path], tmp_path: Path) -> None:
     for number in range(3):
         shutil.copytree(two_runs[0], tmp_path / "runs" / f"{number:02d}")

@@ -174,3 +174,9 @@ class Late:
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Raise."""
         raise ZeroDivisionError("late")  # noqa: EM101 - an author's own way
+
+
+def test_the_times_of_another_s_solver_are_not_said_to_be_true() -> None:
+    finding = contract.times_are_true(solver_named(Sleeps), contract.samples()[:1])
+    assert finding.kept
+    assert finding.said == "its own times are not read"

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hdvplan.bench.measuring.ranking import ranked_times
 from hdvplan.bench.measuring.samples import NUMBERS, Measurement
 from hdvplan.bench.measuring.stats import SOME_REFUSED, SOME_UNSOLVED, status_of, tables_of
 from hdvplan.bench.measuring.timing import accuracy, captions, summary_tables
@@ -33,6 +34,16 @@ def test_the_cold_start_is_told_apart_from_the_steps_that_follow() -> None:
     assert row["mean_ms"] == pytest.approx(2.0)
     assert row["max_ms"] == pytest.approx(3.0)
     assert row["steps"] == 2
+
+
+def test_a_step_whose_work_was_elsewhere_counts_by_the_clock() -> None:
+    names = NUMBERS.index("total_s"), NUMBERS.index("cpu_s")
+    away, own = (made_up([0.1, *([0.002] * 4)]) for _ in range(2))
+    away.steps[1:, names[1]] = [0.0002, 0.0002, 0.002, 0.0019]  # of two steps the work was done by another process
+    ranked = ranked_times(tables_of([cell()], [[away, own]]).samples)
+    assert ranked["ms"].to_numpy() == pytest.approx([2.0, 2.0, 2.0, 1.9])
+    own.steps[1, names[0]] = 0.004  # the machine was busy in this round: the other one counts
+    assert ranked_times(tables_of([cell()], [[own, away]]).samples)["ms"].iloc[0] == pytest.approx(2.0)
 
 
 def test_percentiles_are_those_of_all_rounds_together() -> None:

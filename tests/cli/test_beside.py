@@ -54,6 +54,7 @@ def test_two_that_cannot_meet_in_the_bend_may_where_one_waits(cli: Cli, tmp_path
     back = (*own, "--reverse", "--no-refine", "--beside", "there", "--out", "back")
     assert cli(*back).code == 1
     assert cli(*back, "--meeting", "0:30").out.startswith("YES")
+    assert "stays between s = 0.0 and 30.0 m, as this one drives" in cli(*back, "--meeting", "0:30").err
     met = json.loads((tmp_path / "back" / "summary.json").read_text(encoding="utf-8"))["obstacles"]
     assert [one["name"] for one in met] == ["bus, plan there"]
 
@@ -64,11 +65,15 @@ def test_two_that_cannot_meet_in_the_bend_may_where_one_waits(cli: Cli, tmp_path
         pytest.param(("--meeting", "0:30"), "--meeting needs --beside DIR", id="nobody"),
         pytest.param(("--beside", "there", "--meeting", "30"), "two places of the road in metres", id="one place"),
         pytest.param(("--beside", "there", "--meeting", "30:10"), "the first one before the other", id="backwards"),
+        pytest.param(("--beside", "there", "--meeting", "20:31"), "the other vehicle is 12.0 m long", id="shorter than a bus"),
+        pytest.param(("--beside", "there", "--meeting", "900:950"), "and the road is ", id="beyond the road"),
         pytest.param(("--beside", "there", "--meeting", "a:b"), "such as 20:60, not 'a:b'", id="words"),
     ],
 )
 def test_a_meeting_is_a_stretch_beside_somebody(cli: Cli, short_road: str, given: tuple[str, ...], told: str) -> None:
-    outcome = cli("plan", short_road, "--vehicle", "bus", "--half-width", "3", *given)
+    own = ("plan", short_road, "--vehicle", "bus", "--half-width", "6", "--no-plot", "--no-refine", "--no-proof")
+    cli(*own, "--out", "there", "--quiet")
+    outcome = cli(*own, *given)
     assert outcome.code == 2
     assert told in outcome.err
 

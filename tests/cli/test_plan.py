@@ -296,3 +296,9 @@ def test_limits_that_leave_the_smoothed_line_are_told_with_what_helps(cli: Cli) 
     told = "lie beside the smoothed line: try --corners sharp or round, or draw the edges"
     assert told in cli(*arguments).err
     assert told not in cli(*arguments, "--corners", "sharp").err
+
+
+def test_a_weight_that_would_outweigh_the_limits_is_refused(cli: Cli) -> None:
+    refused = cli("plan", "uturn", "--vehicle", "bus", "--half-width", "3", "--curvature-weight", "1e15")
+    assert (refused.code, refused.out) == (2, "")
+    assert "smoothness must be above 0 and at most 1e+09, not 1e+15" in refused.err

@@ -60,6 +60,8 @@ def test_the_first_line_is_short_and_what_it_had_no_room_for_is_in_the_second(bu
     verdict = verdict_of(named)
     of = " of leg 2 (backward)".ljust(LINE - len(verdict_line(named, verdict)) + len(f" beside the {verdict.side} limit"), "!")
     assert verdict_line(named, verdict, of).endswith(f", {verdict.part}")  # rather than a word that is cut
+    for length in range(LINE):
+        assert "obstacle" not in verdict_line(named, verdict, "!" * length)  # there is none
 
 
 def test_a_road_without_limits_says_what_it_needs(trailer: Result) -> None:

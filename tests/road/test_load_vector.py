@@ -314,7 +314,7 @@ def test_a_drawing_of_several_lines_lists_its_layers_and_the_options_that_choose
 def test_a_kerb_is_no_line_to_drive_along_without_a_word(tmp_path: Path) -> None:
     lines = [GRID_LINE, shapely.affinity.translate(GRID_LINE, 0.0, 6.0)]
     drawing = write(tmp_path / "a.dxf", lines, crs=None, Layer=["KERB", "KERB"])
-    with pytest.raises(RoadError, match="2 lines, all of them kerbs by their names") as caught:
+    with pytest.raises(RoadError, match="2 lines, all of them kerbs or obstacles by --role or their names") as caught:
         load_road(drawing)
     assert "draw the line that is driven along" in (caught.value.hint or "")
     alone = write(tmp_path / "c.dxf", lines[:1], crs=None, Layer=["KERB"])
