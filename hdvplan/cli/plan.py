@@ -119,8 +119,8 @@ def plan(
     asked = _Asked(road, room.reaches(), reading, settings, options, output, largest, leg_line, centreline)
     output.drawn_on()  # a sheet that cannot be is told before anything is read
     if (meeting := meeting_of(options)) is not None:
-        stretch = "between s = {:z.1f} and {:z.1f} m".format(*meeting)
-        note(f"the answer holds while the other vehicle stays {stretch}, as this one drives", quiet=output.quiet)
+        s_from, s_to = meeting
+        note(f"holds while the other vehicle stays between s = {s_from:z.1f} and {s_to:z.1f} m, as this one drives", quiet=output.quiet)
     check_folder(output.out)
     from hdvplan.planning.objective_names import check_objective
     from hdvplan.solvers.registry import check_solver

@@ -6,6 +6,9 @@
 
 /* A point whose primal residual exceeds this is refused, and not driven [m]. */
 #define HDV_USABLE_RESIDUAL 1e-3
+/* Bounds this near to each other [m, rad, 1/m]: a point is refused that breaks them by a fortieth of that and more. */
+#define HDV_NEAR_BOUNDS 0.04
+#define HDV_ONE_BOUND 1e-3 /* nearer ones count as if they were so far from each other */
 /* Dual residual beside the largest multiplier from which a point is no optimum: honest solvers stay below 6e-4, other
  * optima are at 1 and above. */
 #define HDV_WRONG 1e-2
