@@ -67,16 +67,20 @@ def _stretch(between: tuple[float, float], length: float, folder: Path) -> tuple
     """Return where on a road of this ``length`` the vehicle of the plan in ``folder`` waits [m].
 
     Raises:
-        OptionError: that is beyond the road, or shorter than the vehicle.
+        OptionError: that is beyond the road, or shorter than the vehicle, or nothing says how long this is.
 
     """
     s_from, s_to = (float(s) for s in np.clip(between, 0.0, length))
     if s_from >= s_to:
         msg = f"the two meet between s = {between[0]:z.1f} and {between[1]:z.1f} m, and the road is {length:.1f} m long"
         raise OptionError(msg)
-    bodies = read_json(folder / "summary.json")["bodies"]
-    behind = sum(ahead["hitch_offset_m"] + body["wheelbase_m"] for ahead, body in pairwise(bodies))
-    own = bodies[0]["front_m"] + behind + bodies[-1]["rear_m"]
+    try:
+        bodies = read_json(folder / "summary.json")["bodies"]
+        behind = sum(ahead["hitch_offset_m"] + body["wheelbase_m"] for ahead, body in pairwise(bodies))
+        own = bodies[0]["front_m"] + behind + bodies[-1]["rear_m"]
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        msg = f"{folder} has no summary.json that says how long the other vehicle is"
+        raise OptionError(msg, hint="plan the other vehicle again") from error
     if s_to - s_from < own:
         msg = f"the two meet within {s_to - s_from:.1f} m of the road, and the other vehicle is {own:.1f} m long"
         raise OptionError(msg, hint="a longer stretch holds it")

@@ -78,6 +78,19 @@ def test_a_meeting_is_a_stretch_beside_somebody(cli: Cli, short_road: str, given
     assert told in outcome.err
 
 
+def test_a_meeting_needs_to_know_how_long_the_other_vehicle_is(cli: Cli, tmp_path: Path, short_road: str) -> None:
+    own = ("plan", short_road, "--vehicle", "bus", "--half-width", "6", "--no-plot", "--no-refine", "--no-proof")
+    cli(*own, "--out", "there", "--quiet")
+    for content in (None, "{", '{"bodies": []}', '{"bodies": 1}'):
+        (tmp_path / "there" / "summary.json").unlink()
+        if content is not None:
+            (tmp_path / "there" / "summary.json").write_text(content, encoding="utf-8")
+        outcome = cli(*own, "--beside", "there", "--meeting", "0:30", "--out", "back")
+        assert outcome.code == 2
+        assert "says how long the other vehicle is" in outcome.err
+        (tmp_path / "there" / "summary.json").touch()
+
+
 def test_a_vehicle_that_does_not_keep_its_own_street_is_no_silent_company(cli: Cli, short_road: str) -> None:
     own = ("plan", short_road, "--vehicle", "bus", "--no-plot", "--no-proof", "--no-refine")
     assert cli(*own, "--half-width", "1.3", "--offset", "4", "--out", "there").code == 1
