@@ -1,4 +1,4 @@
-"""``hdvplan report``: plans side by side in one HTML file."""
+"""``hdvplan report``: plans side by side, needs and turns in one HTML file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hdvplan.errors import OptionError
 
 
 def report(
-    directories: Annotated[list[Path], typer.Argument(metavar="DIR", help="Folders that `hdvplan plan` has written.")],
+    directories: Annotated[list[Path], typer.Argument(metavar="DIR", help="Folders of `hdvplan plan`, `judge`, `need` or `turn`.")],
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The HTML file to write.", rich_help_panel=OUTPUT)] = Path(
         "report.html"
     ),
@@ -27,7 +27,7 @@ def report(
     """Put plans side by side in one HTML file that works offline.
 
     It has the summaries, a map of each plan to pan and zoom with the vehicle at the place that you point at, diagrams over the road's
-    length, the tightest places and the distribution of the step times.
+    length, the tightest places and the distribution of the step times. Drives of several legs, needs and turns follow with their pictures.
     """
     from hdvplan.report.html import write_report
 
@@ -43,5 +43,5 @@ def report(
     if json:
         print_json({"file": str(out), "bytes": size, "plans": [str(directory) for directory in directories]})
     else:
-        note(f"wrote {out}: {len(directories)} plan{'s' * (len(directories) > 1)}, {size / 1e6:.1f} MB", quiet=quiet)
+        note(f"wrote {out}: {len(directories)} folder{'s' * (len(directories) > 1)}, {size / 1e6:.1f} MB", quiet=quiet)
     return ExitCode.OK

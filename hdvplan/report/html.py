@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, Template, TemplateError
 
-from hdvplan.answers import without_word
+from hdvplan.answers import NO, WORDS, without_word
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.fileio import write_atomically
 from hdvplan.judging.balance import KEPT_M
-from hdvplan.report.planfiles import PlanFiles, label_of, payload_of, read_plan, tight_places
+from hdvplan.report.planfiles import Pictured, PlanFiles, label_of, payload_of, read_pictured, read_plan, tight_places
 from hdvplan.road.regions import called
 from hdvplan.texts import encoded
 from hdvplan.version import __version__
@@ -29,6 +29,10 @@ _LIMITS = {
     ("binds", "overhangs"): ("dotted", "limits of overhangs"),
     ("bridged", True): ("dashed", "assumed, not drawn"),
 }
+_UNITS = {"_per_m": "1/m", "_m2": "m2", "_m": "m", "_deg": "deg"}  # as names of numbers end
+# Elsewhere on the page, or nothing about the answer:
+_NAMED = ("vehicle", "road", "template", "leg", "notice", "version", "time_s", "plane", "x", "y", "lon", "lat")
+_DIGITS = 3  # of numbers that say nothing else
 _BINS = 40
 _PLOT = (10.0, 310.0, 8.0, 120.0)  # of the histogram: left, right, top, bottom
 
@@ -74,43 +78,48 @@ def write_report(
     title: str = "Swept path report",
     on_progress: Callable[[float], None] | None = None,
 ) -> int:
-    """Write the page about the plans in ``directories`` and return its size in bytes; ``on_progress`` receives 0 to 1.
+    """Write the page about the plans, needs and turns in ``directories`` and return its size in bytes; ``on_progress`` receives 0 to 1.
 
     Raises:
-        OptionError: a folder holds no plan, or a damaged one.
+        OptionError: a folder holds none of them, or a damaged one.
         OSError: the file cannot be written.
 
     """
-    plans = []
+    plans, pictured = list[PlanFiles](), list[Pictured]()
     for number, directory in enumerate(directories):
-        plans.append(read_plan(directory))
+        if (found := read_pictured(directory)) is None:
+            plans.append(read_plan(directory))
+        else:
+            pictured.append(found)
         if on_progress is not None:
             on_progress((number + 1) / (len(directories) + 1))
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):  # else such numbers are warned of, and the page shows nothing
-            page = encoded(report_html(plans, title))
+            page = encoded(report_html(plans, title, pictured))
     except (ArithmeticError, AttributeError, LookupError, RecursionError, TemplateError, TypeError, ValueError) as error:
         # files from outside may hold anything
-        msg = f"the plans in {', '.join(map(str, directories))} cannot be shown: {error}"
-        raise OptionError(msg, hint="a file of one of them is damaged: plan again") from error
+        msg = f"what {', '.join(map(str, directories))} hold cannot be shown: {error}"
+        raise OptionError(msg, hint="a file of one of them is damaged: run its command again") from error
     write_atomically(path, page)
     return len(page)
 
 
-def report_html(plans: Sequence[PlanFiles], title: str) -> str:
-    """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times."""
+def report_html(plans: Sequence[PlanFiles], title: str, pictured: Sequence[Pictured] = ()) -> str:
+    """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times; then what is ``pictured``."""
     plans = [replace(plan, summary=plan.summary | {"narrowest": _narrowest(plan)} | _given(plan)) for plan in plans]
+    summaries = [plan.summary for plan in plans]
     edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans])
     return page_template("report.html.j2").render(
         title=title,
         version=__version__,
         style=page_part("report.css"),
         script=page_part("report.js"),
-        summary=[_row(plans, *row) for row in _DRIVEN],
-        computed=[_row(plans, *row) for row in _COMPUTED],
+        summary=[_row(summaries, *row) for row in _DRIVEN],
+        computed=[_row(summaries, *row) for row in _COMPUTED],
         plans=[_panel(*each, edges) for each in zip(plans, _headings(plans), short_labels(plans), strict=True)],
+        pictured=[_section(one) for one in pictured],
         data=script_json([payload_of(plan) for plan in plans]),
-        directories=", ".join(str(plan.directory) for plan in plans),
+        directories=", ".join([*(str(plan.directory) for plan in plans), *(str(one.directory) for one in pictured)]),
     )
 
 
@@ -133,8 +142,8 @@ def _given(plan: PlanFiles) -> Json:
     return {"objective": f"given path {plan.summary.get('path') or plan.directory.name}", "scheme": "", "solver": ""}
 
 
-def _row(plans: Sequence[PlanFiles], name: str, unit: str, key: str, digits: int | None, meaning: str) -> Json:
-    return {"name": name, "unit": unit, "cells": [_cell(plan.summary, key, digits) for plan in plans], "meaning": meaning}
+def _row(summaries: Sequence[Json], name: str, unit: str, key: str, digits: int | None, meaning: str) -> Json:
+    return {"name": name, "unit": unit, "cells": [_cell(summary, key, digits) for summary in summaries], "meaning": meaning}
 
 
 def _narrowest(plan: PlanFiles) -> float | None:
@@ -155,6 +164,8 @@ def _cell(summary: Json, key: str, digits: int | None) -> Json:
     for part in key.split("."):
         value = None if value is None else value.get(part)
     bad = (key == "status" and value != "ok") or (key == "limit_violation_m" and (value or 0.0) > 0.0)
+    if digits is None and isinstance(value, float):
+        digits = _DIGITS
     text = "-" if value is None or value == "" else str(value) if digits is None else f"{value:.{digits}f}"
     return {"text": text, "bad": bad}
 
@@ -175,6 +186,28 @@ def _panel(plan: PlanFiles, heading: str, short: str, edges: FloatArray) -> Json
         "limits": [key for name, key in _LIMITS.items() if any(limit.get(name[0]) == name[1] for limit in plan.limits)],
         "regions": sorted({region["region"] for region in plan.regions}),
         "times": _histogram(plan.steps["total_ms"].round(4).to_numpy(), edges),
+        "notice": summary.get("notice"),
+    }
+
+
+def _section(one: Pictured) -> Json:
+    """Return what a page says of a drive of several legs, a need or a turn: its answer, picture, and a row for each number of its parts."""
+    summary = one.summary
+    first, *more = summary.get("text", [""])
+    word = next((word for word in WORDS if first.startswith(word)), "")
+    answer = {"word": word, "rest": "; ".join([without_word(first, word), *more]), "bad": word == NO}
+    parts = [
+        {str(name): ("no", "yes")[value] if isinstance(value, bool) else value for name, value in part.items() if name not in _NAMED}
+        for part in summary.get("legs") or [summary]
+    ]
+    names = dict.fromkeys(name for part in parts for name, value in part.items() if isinstance(value, str | int | float))
+    ends = [(name, next((end for end in _UNITS if name.endswith(end)), "")) for name in names]
+    return {
+        "label": ", ".join([summary["vehicle"], *(str(summary[name]) for name in ("road", "template") if summary.get(name))]),
+        "verdict": verdict_text(summary) if "verdict" in summary else answer,
+        "picture": one.picture,
+        "columns": [f"leg {number}" for number, _ in enumerate(parts, start=1)] if "legs" in summary else [""],
+        "rows": [_row(parts, name.removesuffix(end).replace("_", " "), _UNITS.get(end, ""), name, None, "") for name, end in ends],
         "notice": summary.get("notice"),
     }
 

@@ -24,6 +24,8 @@ _LISTS = {
     "obstacles": ("name", "distance_m", "s_m", "unit"),
 }
 _REGION, _LIMIT = ("region", "rings"), ("layer", "lines")
+_SUMMARIES = {"summary.json": "plan", "need.json": "need", "turn.json": "turn"}  # and what their pictures are called
+_PICTURES = {"png": "png", "svg": "svg+xml"}  # that a page shows, as it calls them
 SPACING_M = 0.5  # between two samples of the page
 _HIDDEN_BELOW = 1e-9
 _MISSING = -32768  # of a 16-bit number
@@ -47,6 +49,43 @@ class PlanFiles:
     limits: list[dict[str, Any]]
 
 
+@dataclass(frozen=True)
+class Pictured:
+    """What a command that draws its own picture wrote: the summary, and the picture as a page takes it; "" where none was drawn."""
+
+    directory: Path
+    summary: dict[str, Any]
+    picture: str
+
+
+def read_pictured(directory: Path) -> Pictured | None:
+    """Return the drive of several legs, the need or the turn in a folder; None where there is none.
+
+    Raises:
+        OptionError: a file of it cannot be read.
+
+    """
+    try:
+        settle(directory)
+        for name, stem in _SUMMARIES.items():
+            summary = read_json(directory / name) if (directory / name).is_file() else None
+            if isinstance(summary, dict) and (stem != "plan" or "legs" in summary):
+                return Pictured(directory, summary, _picture(directory / stem))
+    except (OSError, ValueError) as error:
+        msg = f"what {directory} holds cannot be read: {error}"
+        raise OptionError(msg, hint="run the command that wrote it again") from error
+    return None
+
+
+def _picture(stem: Path) -> str:
+    for suffix, kind in _PICTURES.items():
+        file = stem.with_suffix(f".{suffix}")
+        if file.exists():
+            refuse_endless(file)
+            return f"data:image/{kind};base64,{base64.b64encode(file.read_bytes()).decode()}"
+    return ""
+
+
 def read_plan(directory: Path) -> PlanFiles:
     """Return the plan in a folder.
 
@@ -60,8 +99,8 @@ def read_plan(directory: Path) -> PlanFiles:
         msg = f"the plan in {directory} cannot be read: {error}"
         raise OptionError(msg) from error
     if not (directory / "summary.json").is_file():
-        what = f"{directory} has no plan: summary.json is missing" if directory.is_dir() else f"{directory} is not a folder"
-        raise OptionError(what, hint="give folders that `hdvplan plan` has written; those of several vehicles are in its DIR: DIR/*/")
+        what = f"{directory} has no plan, need or turn: summary.json is missing" if directory.is_dir() else f"{directory} is not a folder"
+        raise OptionError(what, hint="give folders of `hdvplan plan`, `judge`, `need` or `turn`; those of several vehicles are in DIR/*/")
     try:
         summary = read_json(directory / "summary.json")
         _check_summary(summary)
@@ -93,9 +132,6 @@ def _check_summary(summary: object) -> None:
 
     """
     entries = summary if isinstance(summary, dict) else {}
-    if "legs" in entries:
-        msg = "it is of several legs, and a report is of single drives; leave it out: its own plan.png and sheets show all legs"
-        raise ValueError(msg)
     for name, kind in _ENTRIES.items():
         if not isinstance(entries.get(name), kind):
             msg = f"summary.json has no {name}"

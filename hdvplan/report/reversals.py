@@ -35,6 +35,7 @@ def reversal_json(answer: Answer) -> Json:
     room = answer.room
     return {
         "vehicle": answer.vehicle.name,
+        "text": [verdict(answer), details(answer)],
         "template": str(answer.template),
         "fits": answer.fits,
         "sought": answer.template.sought,

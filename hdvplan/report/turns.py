@@ -30,6 +30,7 @@ def turn_json(turn: Turn) -> Json:
     figures, manoeuvre = turn.figures, turn.driven.manoeuvre
     return {
         "vehicle": turn.driven.vehicle.name,
+        "text": [verdict(turn)],
         "template": None if turn.template is None else turn.template.name,
         "source": None if turn.template is None else turn.template.source,
         "guide": str(manoeuvre.point),

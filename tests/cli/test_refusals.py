@@ -117,7 +117,7 @@ REFUSED = [  # a command, and words of the error
     ("vehicles show bus --plot none/mine.png", "cannot write none/mine.png"),
     ("vehicles show none.toml", "does not exist"),
     ("report nowhere", "nowhere is not a folder"),
-    ("report .", ". has no plan: summary.json is missing"),
+    ("report .", ". has no plan, need or turn: summary.json is missing"),
     ("report nowhere --out .", "--out . is a folder, not a file"),
     ("report", "missing argument 'DIR'"),
 ]
