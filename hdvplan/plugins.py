@@ -10,12 +10,13 @@ import ast
 import inspect
 import re
 import sys
-from collections.abc import Callable, Collection, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from hashlib import file_digest, sha256
 from importlib import import_module, metadata
+from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from traceback import extract_tb
@@ -87,7 +88,7 @@ def _called(kind: Kind, name: str, get: Callable[[], object]) -> Callable[..., o
         found = get()
     except (Exception, SystemExit) as error:
         if isinstance(error, ModuleNotFoundError) and home.endswith(".py"):
-            hint = "a file is loaded by itself: what it imports must be installed, or in a folder of PYTHONPATH"
+            hint = "what a file imports must lie beside it, be installed, or be in a folder of PYTHONPATH"
         elif isinstance(error, ModuleNotFoundError) and error.name and home.startswith(error.name):
             hint = "install the package, or name its file: file.py:name"
         own = name.rpartition(":")[2]
@@ -119,7 +120,7 @@ def raised_at(error: BaseException) -> str:
 
 def _file(path: Path) -> object:
     """Return a file as a module, executed once for each content."""
-    name = f"hdvplan_file_{path.stem}_{digest_of(path)}"
+    name = f"hdvplan_file_{path.stem}_{(digest := digest_of(path))}"
     if name not in sys.modules:
         spec = spec_from_file_location(name, path)
         if spec is None or spec.loader is None:
@@ -128,11 +129,50 @@ def _file(path: Path) -> object:
         module = module_from_spec(spec)
         sys.modules[name] = module  # dataclasses and pickle look their module up
         try:
-            spec.loader.exec_module(module)
+            with _neighbours(path.parent):
+                spec.loader.exec_module(module)
+                _check_neighbours(path, digest)
         except BaseException:
             del sys.modules[name]
             raise
     return sys.modules[name]
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """Finds the modules of a folder, as Python does those beside a script."""
+
+    folder: str
+
+    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """Return where a module of the folder is; None of others, and of parts of packages."""
+        return PathFinder.find_spec(name, [self.folder], target) if path is None else None
+
+
+@contextmanager
+def _neighbours(folder: Path) -> Iterator[None]:
+    """Let the block import what lies in a folder; what is found so may be imported later, too, but nothing else of the folder."""
+    finder = _Beside(str(folder.resolve()))
+    sys.meta_path.insert(0, finder)
+    try:
+        yield
+    finally:
+        sys.meta_path.remove(finder)
+
+
+def _check_neighbours(path: Path, digest: str) -> None:
+    """Refuse a file that was given another file's neighbour, of the same name as its own: a process has one module of a name.
+
+    Raises:
+        ImportError: it was.
+
+    """
+    folder = path.parent.resolve()
+    for top in _imported(path, digest):
+        own, files = PathFinder.find_spec(top, [str(folder)]), _own_files(top)
+        if own is not None and own.origin and files and Path(own.origin).resolve() not in files:
+            msg = f"it imports {top}, which is that of {files[0].parent}, not {folder}: give one of them another name"
+            raise ImportError(msg)
 
 
 def digest_of(path: Path) -> str:
@@ -154,15 +194,16 @@ def digest_of_own(path: Path) -> str:
 
     """
     own = digest_of(path)
-    others = [digest for top in sorted(_imported(path, own)) if (digest := _digest_of_package(top))]
+    with _neighbours(path.parent):
+        others = [digest for top in sorted(_imported(path, own)) if (digest := _digest_of_package(top, path.parent.resolve()))]
     return _together([own, *others]) if others else own
 
 
 @cache
-def _digest_of_package(top: str) -> str | None:
+def _digest_of_package(top: str, _folder: Path | None = None) -> str | None:
     """Return a digest of the sources of a module or package and of all that it imports, as they were when first asked for; None of others.
 
-    A process loads them once, too.
+    A process loads them once, too. They may lie in the folder of the file that imports them.
     """
     tops, digests = [top], list[str]()
     for one in tops:

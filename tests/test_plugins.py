@@ -285,6 +285,30 @@ def test_what_a_workspace_returns_must_have_the_program_s_shape() -> None:
             solver_named(kind)(shape()).solve(random_program(shape(), 1), None)
 
 
+def test_a_file_imports_what_lies_beside_it_and_the_path_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was told to put its folder into PYTHONPATH; its neighbour was no part of what it is."""
+    monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry])  # where this folder is not
+    files = {"a": "VALUE = 1", "b": "VALUE = 2"}
+    for folder, text in files.items():
+        Path(folder).mkdir()
+        Path(folder, "its_neighbour.py").write_text(text, encoding="utf-8")
+        Path(folder, "mine.py").write_text(f"# {folder}\nfrom its_neighbour import VALUE\ndef mine(): return VALUE", encoding="utf-8")
+    before, ways = [*sys.path], [*sys.meta_path]
+    loaded = plugins.load(plugins.OBJECTIVE, "a/mine.py:mine")
+    assert loaded is not None
+    assert loaded() == 1
+    with pytest.raises(OptionError, match=r"imports its_neighbour.* of .*/a, not .*/b: give one of them another name"):
+        plugins.load(plugins.OBJECTIVE, "b/mine.py:mine")
+    sys.modules.pop("its_neighbour")
+    assert (sys.path, sys.meta_path) == (before, ways)
+    kinds = set()
+    for value in ("3", "4"):
+        Path("b/its_neighbour.py").write_text(f"VALUE = {value}", encoding="utf-8")
+        plugins._digest_of_package.cache_clear()
+        kinds.add((identity_of("b/mine.py:mine"), version_of(plugins.OBJECTIVE, "b/own_of_mine.py:mine")))
+    assert len(kinds) == 2
+
+
 def test_what_a_file_imports_is_part_of_what_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A study kept its cells, and a benchmark its run, when a module beside the plugin changed."""
     monkeypatch.syspath_prepend(str(tmp_path))
