@@ -101,6 +101,7 @@ class Suite:
         Setting("rti: the real-time iteration, one QP a step; sqp: QPs to convergence.", "rti,sqp", listed=True),
     ] = ("rti", "sqp")
     objective: Annotated[str, Setting("What all plans centre, as in `plan` [default: geometric].", "NAME")] = "geometric"
+    road_ids: Annotated[str | None, Setting("Roads or lanelets in driving order, as in `plan`; of every road.", "A,B,...")] = None
     half_width: Annotated[float | None, Setting("Limits at M to either side of the line [m].", "M", above=0.0)] = None
     slack: Annotated[float, Setting("Limits this far beyond the geometric half width [m].", "M", least=0.0)] = 0.5
     limits: bool = True

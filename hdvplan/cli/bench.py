@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 _WHAT, _LIMITS, _HOW, _COMPARISON = "What to measure", "Limits", "How to measure", "Comparison"  # groups of options
-_OF_SUITE = dict.fromkeys(("solvers", "vehicles", "roads", "schemes", "objective"), _WHAT)
+_OF_SUITE = dict.fromkeys(("solvers", "vehicles", "roads", "road_ids", "schemes", "objective"), _WHAT)
 _OF_SUITE |= dict.fromkeys(("half_width", "slack", "pinch", "classes"), _LIMITS)
 
 

@@ -9,7 +9,7 @@ import shapely
 
 from hdvplan.api import drive_case
 from hdvplan.bench.measuring.courses import PINCH_LENGTH_M, PINCH_RAMP_M, cases_of, with_limits
-from hdvplan.bench.suite import Cell, Suite
+from hdvplan.bench.suite import Cell, Suite, suite_of
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
 from hdvplan.road.limits import Limits
@@ -36,6 +36,13 @@ def test_limits_lie_beyond_the_geometric_half_width_of_the_tightest_bend() -> No
     # 2.486 m is the published geometric expectation of this U-turn, to its printed millimetre.
     np.testing.assert_allclose(found.left, 2.486 + 0.4, atol=1e-3)
     np.testing.assert_array_equal(found.right, -found.left)
+
+
+def test_roads_of_a_junction_are_chosen_as_in_plan() -> None:
+    (case,) = cases_of(suite_of({"roads": ["neuweiler"], "vehicles": ["bus"], "schemes": ["rti"], "solvers": ["piqp"], "road_ids": "0,5"}))
+    assert case.road.path.length == load_road("neuweiler", RoadOptions(road_ids="0,5")).path.length
+    with pytest.raises(RoadError, match=r"has no use for --road-ids|has no road ids"):
+        cases_of(replace(SUITE, road_ids="0,5"))
 
 
 def test_limits_beyond_the_half_width_bind_nowhere_however_far_smoothing_moves_the_line(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from hdvplan.centring.weights import CentringTable
 from hdvplan.errors import RoadError
 from hdvplan.road.limits import Limits
 from hdvplan.road.load import find_road
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
@@ -33,7 +34,8 @@ def cases_of(suite: Suite) -> list[Case]:
 
     """
     vehicles = {name: load_vehicle(name) for name in suite.vehicles}
-    found = {name: find_road(name) for name in suite.roads}  # what the files have wrong is said before any of them is smoothed
+    reading = RoadOptions(road_ids=suite.road_ids)
+    found = {name: find_road(name, reading) for name in suite.roads}  # what the files have wrong is said before any of them is smoothed
     roads = {name: make() for name, make in found.items()}
     limited = {
         (road, vehicle, limits): with_limits(roads[road], vehicles[vehicle], suite, limits) for road, vehicle, limits in suite.courses()
