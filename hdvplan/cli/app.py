@@ -19,7 +19,7 @@ import typer
 from typer.main import get_command
 
 from hdvplan.cli import bench, compare, export_c, judge, need, plan, report, reproduce, roads, solvers, study, turn, vehicles
-from hdvplan.cli.console import ExitCode, answers, report_error
+from hdvplan.cli.console import ExitCode, answers, print_json, report_error
 from hdvplan.cli.help import Command, Group
 from hdvplan.errors import HdvplanError, MeasurementError, PlanError, QpDataError, SolverError, TurnError
 from hdvplan.texts import did_you_mean
@@ -109,6 +109,7 @@ def _written(code: int) -> int:
 def run(arguments: Sequence[str]) -> int:
     """Run the command line ``arguments`` (without the program's name) and return the exit code."""
     arguments, debug = _without_debug(arguments)
+    json = "--json" in arguments
     failed: Exception | None = None
     code: object = None
     with interruption_noted() as interrupted:
@@ -128,12 +129,11 @@ def run(arguments: Sequence[str]) -> int:
             if debug:
                 traceback.print_exc()
         if interrupted() or code == ExitCode.INTERRUPTED:
-            report_error("interrupted")
-            return ExitCode.INTERRUPTED
+            return _report(KeyboardInterrupt(), json=json)
     if isinstance(failed, BrokenPipeError):  # nobody reads what is written any more: a process that SIGPIPE ends says nothing either
         return ExitCode.UNREAD
     if failed is not None:
-        return _report(failed)
+        return _report(failed, json=json)
     if not arguments:
         return ExitCode.USAGE  # no command was given: the help was printed
     return int(code) if isinstance(code, int) else ExitCode.OK
@@ -146,26 +146,31 @@ def _without_debug(arguments: Sequence[str]) -> tuple[list[str], bool]:
     return [*kept, *arguments[end:]], len(kept) < end
 
 
-def _report(error: Exception) -> ExitCode:
-    """Write what went wrong and what to do next to stderr; return the exit code for it."""
+def _report(error: BaseException, *, json: bool) -> ExitCode:
+    """Write what went wrong and what to do next to stderr, with ``json`` to stdout, too; return the exit code for it."""
+    code, message, hint = _told(error)
+    report_error(message, hint)
+    if json:
+        print_json({"error": message, "hint": hint, "kind": type(error).__name__, "exit_code": code})
+    return code
+
+
+def _told(error: BaseException) -> tuple[ExitCode, str, str | None]:
+    """Return the exit code for an error, what it says, and its hint."""
+    if isinstance(error, KeyboardInterrupt):
+        return ExitCode.INTERRUPTED, "interrupted", None
     if isinstance(error, _UsageError):
-        report_error(*_usage(error))
-        return ExitCode.USAGE
+        return ExitCode.USAGE, *_usage(error)
     if isinstance(error, HdvplanError):
-        report_error(str(error), error.hint)
-        if isinstance(error, MeasurementError):
-            return ExitCode.UNMEASURED
-        return ExitCode.BROKEN if _is_failed_plan(error) else ExitCode.USAGE
+        code = ExitCode.UNMEASURED if isinstance(error, MeasurementError) else ExitCode.BROKEN if _is_failed_plan(error) else ExitCode.USAGE
+        return code, str(error), error.hint
     if isinstance(error, OSError) and error.strerror:  # of a file or a folder, which no program can mend
-        report_error(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
-        return ExitCode.USAGE
+        return ExitCode.USAGE, f"{error.filename}: {error.strerror}" if error.filename else error.strerror, None
     if isinstance(error, MemoryError):  # of this machine, or what a container leaves of it
-        report_error(
-            " ".join(f"there is not enough memory; {error}".split()).rstrip("; "), "try a shorter part of the road, or fewer --workers"
-        )
-        return ExitCode.USAGE
-    report_error(f"internal: {type(error).__name__}: {error}", "this is a bug in hdvplan; run again with --debug and report the traceback")
-    return ExitCode.INTERNAL
+        short = " ".join(f"there is not enough memory; {error}".split()).rstrip("; ")
+        return ExitCode.USAGE, short, "try a shorter part of the road, or fewer --workers"
+    hint = "this is a bug in hdvplan; run again with --debug and report the traceback"
+    return ExitCode.INTERNAL, f"internal: {type(error).__name__}: {error}", hint
 
 
 def _usage(error: Exception) -> tuple[str, str]:

@@ -91,18 +91,14 @@ def _compared(base: Path, new: Path, decision: Decision, reports: Path | None, r
 
 @contextmanager
 def told_to_programs(report: Report) -> Iterator[None]:
-    """Report on stdout, too, why the block ends in an error, or that it was interrupted: programs that parse it find the reason there."""
+    """Annotate on stdout, where GitHub Actions read it, why the block ends in an error, or that it was interrupted."""
     try:
         yield
     except (HdvplanError, KeyboardInterrupt, SystemExit) as error:
-        if report.json or report.format_ == "github":
-            from hdvplan.bench.comparing.reports import refusal_annotation, refusal_json
+        if report.format_ == "github" and not report.json:
+            from hdvplan.bench.comparing.reports import refusal_annotation
 
-            message, hint = (str(error), error.hint) if isinstance(error, HdvplanError) else ("interrupted", None)
-            if report.json:
-                print_json(refusal_json(message, hint))
-            else:
-                print_line(refusal_annotation(message, hint))
+            print_line(refusal_annotation(*((str(error), error.hint) if isinstance(error, HdvplanError) else ("interrupted", None))))
         raise
 
 

@@ -209,7 +209,7 @@ def test_a_name_is_data_and_nothing_of_it_runs(
     assert len(lines) <= 2  # the error, and a hint
     assert not (ours / "owned").exists()
     answer = json.loads(cli("bench", f"--against={against}", "--roads", short_road, "--quiet", "--json").out)
-    assert answer["verdict"] == "bad use"
+    assert answer["error"] == lines[0].removeprefix("error: ")
 
 
 @pytest.mark.usefixtures("ours")

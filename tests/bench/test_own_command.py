@@ -454,7 +454,7 @@ def test_reports_of_an_earlier_comparison_are_not_taken_for_those_of_one_that_wa
         (out / name).write_text("fine", encoding="utf-8")
     (out / "notes.txt").write_text("ours", encoding="utf-8")
     outcome = cli("bench", "--against", "HEAD", "--command", "python ours.py", "--out", str(out), "--json")
-    assert (outcome.code, json.loads(outcome.out)["summary"]) == (130, "interrupted")
+    assert (outcome.code, json.loads(outcome.out)["error"]) == (130, "interrupted")
     assert [path.name for path in out.iterdir()] == ["notes.txt"]
 
 

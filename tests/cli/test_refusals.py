@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from hdvplan.cli.app import command_line
 from tests.cli.conftest import Cli
 from tests.road.drives import turn_features, written
 
@@ -135,9 +139,56 @@ def _files(tmp_path: Path, short_road: str) -> None:
 def test_a_command_that_cannot_be_meant_is_refused_in_one_line(cli: Cli, tmp_path: Path, command: str, words: str) -> None:
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     outcome = cli(*shlex.split(command))
-    assert (outcome.code, outcome.out) == (2, "")
+    told = "--json" in command
+    assert (outcome.code, bool(outcome.out)) == (2, told)
     error, *hint = [line for line in outcome.err.splitlines() if not line.startswith("warning: ")]
     assert error.startswith("error: ")
     assert words in error
     assert not hint or (len(hint) == 1 and hint[0].startswith("hint: "))
     assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+
+WITH_JSON = [  # a command that has --json, its exit code and the kind of its error
+    ("plan nowhere.csv --vehicle bus", 2, "RoadError"),
+    ("plan turn.geojson --vehicle nobody", 2, "VehicleError"),
+    ("plan uturn --vehicle bus --steering 5 --no-plot", 2, "NoSuchOption"),
+    ("judge nowhere.csv uturn --vehicle bus", 2, "RoadError"),
+    ("need nowhere.csv --vehicle bus", 2, "RoadError"),
+    ("turn --vehicle bus --radius 1 --angle 90", 1, "TurnError"),
+    ("turn --vehicle bus --template nowhere", 2, "OptionError"),
+    ("study nowhere.toml --out out", 2, "OptionError"),
+    ("report nowhere", 2, "OptionError"),
+    ("bench --roads nowhere", 2, "RoadError"),
+    ("bench --against -", 2, "OptionError"),
+    ("compare nowhere nowhere", 2, "OptionError"),
+    ("reproduce nothing", 2, "OptionError"),
+    ("solvers --check nobody", 2, "SolverError"),
+    ("roads info nowhere", 2, "RoadError"),
+    ("roads make uturn --angle 0", 2, "OptionError"),
+    ("roads extract nowhere.osm", 2, "RoadError"),
+    ("roads list --nonsense", 2, "NoSuchOption"),
+    ("vehicles show nobody", 2, "VehicleError"),
+    ("vehicles list --nonsense", 2, "NoSuchOption"),
+]
+
+
+def commands_with_json(group: Any, *names: str) -> Iterator[str]:  # noqa: ANN401 - click's, which Typer may carry itself
+    """Yield the names of all commands that take --json."""
+    for name, command in getattr(group, "commands", {}).items():
+        yield from commands_with_json(command, *names, name)
+    if any("--json" in parameter.opts for parameter in group.params):
+        yield " ".join(names)
+
+
+def test_every_command_with_json_is_refused_in_json_below() -> None:
+    assert [name for name in commands_with_json(command_line()) if not any(f"{row[0]} ".startswith(f"{name} ") for row in WITH_JSON)] == []
+
+
+@pytest.mark.usefixtures("_files")
+@pytest.mark.parametrize(("command", "code", "kind"), WITH_JSON, ids=lambda text: str(text)[:80])
+def test_with_json_a_refusal_is_one_object_on_stdout_and_the_usual_lines_on_stderr(cli: Cli, command: str, code: int, kind: str) -> None:
+    """Only comparisons said anything on stdout: programs that parsed it found nothing."""
+    outcome, usual = cli(*shlex.split(command), "--json"), cli(*shlex.split(command))
+    told = json.loads(outcome.out)
+    assert (outcome.code, usual.code, told["exit_code"], told["kind"]) == (code, code, code, kind)
+    assert outcome.err == usual.err == f"error: {told['error']}\n" + f"hint: {told['hint']}\n" * bool(told["hint"])

@@ -62,11 +62,6 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
     }
 
 
-def refusal_json(message: str, hint: str | None) -> dict[str, object]:
-    """Return what takes a comparison's place where it could not begin."""
-    return {"verdict": "bad use", "summary": message, "hint": hint}
-
-
 def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
     """Return the comparison as a test suite: a case for every cell and statistic, and one for the programs themselves.
 
