@@ -214,8 +214,17 @@ def executed(vehicle: Vehicle, stations: Stations, plan: Plan, part: slice, z: F
     if not np.all(np.isfinite(states)):
         s = begin + step / keep * float(np.argmin(np.isfinite(states[:, 0])))
         msg = f"at s = {s:z.1f} m the executed motion leaves the road-aligned model's domain"
-        raise PlanError(msg, s_m=s, hint="smooth the road more (--smooth): the line bends too tightly for the room beside it")
+        raise PlanError(msg, s_m=s, hint=_remedy(vehicle, stations, plan))
     return states
+
+
+def _remedy(vehicle: Vehicle, stations: Stations, plan: Plan) -> str:
+    """Return what helps where a motion leaves the line: another vehicle where the wheels, turned all the way, turn less than it bends."""
+    near = slice(max(plan.first - len(plan.kappa), 0), plan.first + len(plan.kappa))  # what is planned, and as much behind it
+    bends, rate = float(np.ptp(stations.curvature[near])), vehicle.max_curvature_rate
+    if bends > rate * stations.step * len(stations.s[near]):
+        return f"the {vehicle.name} steers too slowly for any way along the line: max_curvature_rate = {rate:g} 1/m^2, per metre travelled"
+    return "smooth the road more (--smooth): the line bends too tightly for the room beside it"
 
 
 def _arrived(

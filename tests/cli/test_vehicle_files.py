@@ -95,3 +95,13 @@ def test_wheels_that_the_plan_steers_are_written_with_the_path(cli: Cli, tmp_pat
     assert (steering.diff().abs().max() <= 0.05 * 0.5 + 1e-6).all()
     assert (steering.abs().max() > 0.05).all()
     assert cli("report", "plan").code == 0
+
+
+def test_a_vehicle_that_hardly_steers_is_told_so_and_not_to_smooth_the_road(cli: Cli, tmp_path: Path) -> None:
+    slow = "[[unit]]\nwheelbase = 6\nfront_overhang = 3\nrear_overhang = 3\nwidth = 2.5\nmax_curvature = 0.1\nmax_curvature_rate = 1e-9\n"
+    (tmp_path / "slow.toml").write_text(slow, encoding="utf-8")
+    outcome = cli("plan", "goteborg_lindholmsallen_uturn", "--vehicle", "slow.toml", "--no-plot", "--quiet", "--no-refine")
+    assert outcome.code == 1
+    assert outcome.err.splitlines()[1:] == [
+        "hint: the slow steers too slowly for any way along the line: max_curvature_rate = 1e-09 1/m^2, per metre travelled"
+    ]
