@@ -148,11 +148,18 @@ def test_sides_that_take_other_steps_are_red_and_timed_over_the_steps_that_both_
     assert slower.times[0].decision.ratio == pytest.approx(3.0, rel=0.02)  # the steps differ by 2 % at most
 
 
-def test_a_cell_that_fails_at_once_on_both_sides_has_not_changed() -> None:
+def test_a_cell_that_fails_at_once_on_both_sides_has_not_changed_and_is_told() -> None:
+    """It was left out of all that is said: the gate was fine, and nobody saw that it guards less."""
     failed = side(change=lambda m: replace(m, steps=m.steps[:0], statuses=(), outcome=FAILED, judgement=None))
     comparison = held(failed, failed)
     assert not comparison.changes
     assert [entry.cell[2] for entry in comparison.times] == ["sqp"]
+    told = "; not ok on both sides: bend bus rti riccati: failed"
+    assert verdict_line(comparison, Rule()).endswith(told)
+    assert verdict_line(compare_counters(failed.counters, failed.counters), Rule()).endswith(told)
+    wrong = replace(side(), counters=side().counters.assign(status="wrong path"))
+    assert verdict_line(held(wrong, wrong), Rule()).endswith("bend bus rti riccati: wrong path, and 1 more")
+    assert "not ok" not in verdict_line(held(side(), side()), Rule())
     assert next(change.counter for change in held(side(), failed).changes) == "status"
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.comparing.counters import WORK_TOLERANCE, Change, Tolerance, changes_of
+from hdvplan.bench.comparing.counters import WORK_TOLERANCE, Change, Tolerance, broken_in_both, changes_of
 from hdvplan.bench.comparing.decision import FEWEST, Decision, GateVerdict, Pairs, Rule, decide
 from hdvplan.bench.comparing.quantities import Abouts, Quantity, Values, cut_to, fastest, of_all, of_cell, quantities, step_of
 from hdvplan.bench.comparing.sides import COLD, CPU, LOAD, START, UNREPORTED, Name, Processes, Side, alike, cold_name, own_changes
@@ -71,6 +71,7 @@ class Comparison:
     about: str = ""  # which programs these were, and on what machine
     elsewhere: bool = False  # the sides were measured on different machines: times do not count
     apart: bool = False  # at different times: nothing proves a slower program
+    broken: tuple[Change, ...] = ()  # statuses of cells that are alike not ok on both sides
 
     @property
     def proves(self) -> bool:
@@ -124,7 +125,8 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
     times = [_by_cpu(entry, found, here, base.about) for entry in entries[: len(cells)]]
     missing = [name for name in _names(base) if name in _names(new) and name not in here[0]]
     times += [Entry(name, step, Decision(GateVerdict.UNMEASURABLE, 0)) for name in missing]
-    short = _short_names([change.cell for change in changes] + [entry.cell for entry in times])
+    broken = broken_in_both(base.counters, new.counters)
+    short = _short_names([change.cell for change in (*changes, *broken)] + [entry.cell for entry in times])
     return Comparison(
         tuple(
             replace(change, cell=short[change.cell], why=new.last_words.get(change.cell, "") if change.is_lost else "")
@@ -139,13 +141,15 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
         load=_mean([about[LOAD] for side in (base, new) for about in side.about if LOAD in about]),
         elsewhere=elsewhere,
         apart=apart,
+        broken=tuple(replace(change, cell=short[change.cell]) for change in broken),
     )
 
 
 def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame) -> Comparison:
     """Return what differs from a committed baseline, with the room that another machine's rounding needs; no times."""
     changes = tuple(changes_of(baseline, measured, Tolerance(work=WORK_TOLERANCE)))
-    return Comparison(changes, (), GateVerdict.REGRESSED if changes else GateVerdict.FINE, 1)
+    verdict = GateVerdict.REGRESSED if changes else GateVerdict.FINE
+    return Comparison(changes, (), verdict, 1, broken=tuple(broken_in_both(baseline, measured)))
 
 
 def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Comparison:

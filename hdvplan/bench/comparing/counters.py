@@ -136,6 +136,16 @@ def changes_of(base: pd.DataFrame, new: pd.DataFrame, tolerance: Tolerance) -> l
     return changes
 
 
+def broken_in_both(base: pd.DataFrame, new: pd.DataFrame) -> list[Change]:
+    """Return the statuses of cells that are alike not ok in two tables of counters: nothing changed, and nothing holds there."""
+    here, there = ({cell: str(row["status"]) for cell, row in _by_cell(table).items()} for table in (base, new))
+    return [
+        Change(cell, "status", status, status)
+        for cell, status in here.items()
+        if status == there.get(cell) and status not in {OK, OVER_BUDGET}
+    ]
+
+
 def _check_numbers(table: pd.DataFrame, columns: tuple[str, ...]) -> None:
     """Refuse columns with words, or with numbers that no float holds.
 

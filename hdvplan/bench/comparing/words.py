@@ -70,7 +70,10 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     unseen = [name for name in _by_name(one for one in comparison.found if one.decision.unseen) if name not in unsure]
     if unseen and comparison.verdict is not GateVerdict.REGRESSED:
         parts.append(f"could not see a change of {', '.join(unseen)}")
-    return f"{comparison.verdict}: {'; '.join(parts) or 'no counter changed'}"
+    parts = parts or ["no counter changed"]
+    if broken := comparison.broken:
+        parts.append(f"not ok on both sides: {cell_words(broken[0].cell)}: {broken[0].new}{_and_more(broken)}")
+    return f"{comparison.verdict}: {'; '.join(parts)}"
 
 
 def _longest(entries: Sequence[Entry], cells: int, what: str) -> str:
@@ -95,14 +98,17 @@ def _changed_parts(changes: Sequence[Change]) -> list[str]:
     parts = [f"no right plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
     parts += [f"{len(gone)} cell{_s(len(gone))} of the base {'was' if len(gone) == 1 else 'were'} not measured"] if gone else []
     if work := [change for change in changes if change.counter == "steps"]:
-        first, more = work[0], f", and {len(work) - 1} more" if len(work) > 1 else ""
-        parts.append(f"other work: {cell_words(first.cell)} takes {first.new} steps, not {first.base}{more}")
+        first = work[0]
+        parts.append(f"other work: {cell_words(first.cell)} takes {first.new} steps, not {first.base}{_and_more(work)}")
     others = len({change.cell for change in changes if change.counter != "cell"} - {change.cell for change in work})
     parts += [f"counters changed in {others} cell{_s(others)}"] if others else []
     if added := [change for change in changes if change.is_new]:
-        more = f", and {len(added) - 1} more" if len(added) > 1 else ""
-        parts.append(f"new, with nothing to compare: {cell_words(added[0].cell)}{more}")
+        parts.append(f"new, with nothing to compare: {cell_words(added[0].cell)}{_and_more(added)}")
     return parts
+
+
+def _and_more(changes: Sequence[Change]) -> str:
+    return f", and {len(changes) - 1} more" if len(changes) > 1 else ""
 
 
 def _could(unknown: Sequence[Entry], comparison: Comparison) -> str:
