@@ -16,7 +16,7 @@ import pytest
 from hdvplan.arrays import Records
 from hdvplan.bench.measuring.courses import cases_of
 from hdvplan.bench.measuring.measure import Bench
-from hdvplan.bench.measuring.ranking import findings_of, load_of
+from hdvplan.bench.measuring.ranking import findings_of, load_of, ranked_times
 from hdvplan.bench.measuring.referee import changed_clocks, remembers
 from hdvplan.bench.measuring.samples import NUMBERS, Measurement
 from hdvplan.bench.measuring.stats import Tables, tables_of
@@ -424,6 +424,10 @@ def test_processor_time_is_that_of_the_processor_whatever_the_clock_says(bench: 
     waited = steps["total_s"] - steps["cpu_s"]
     assert waited.max() > 0.9 * PAUSE_S  # the processor's clock ticks apart from the other
     assert (steps["cpu_s"] > 0.0).all()
+    assert (steps.loc[waited > 0.5 * PAUSE_S, "waits"] > 0).any()  # another may be a busy machine's
+    assert ranked_times(steps)["ms"].max() > 0.9e3 * PAUSE_S  # in every round the same steps
+    ours = bench(SleepsNowAndThen).samples.query("solver == 'riccati'")
+    assert ours["waits"].median() == 0.0  # neighbours on the same core are none of its own
 
 
 def test_a_point_that_changes_after_it_was_returned_changes_nothing(bench: Measured) -> None:

@@ -36,14 +36,20 @@ def test_the_cold_start_is_told_apart_from_the_steps_that_follow() -> None:
     assert row["steps"] == 2
 
 
-def test_a_step_whose_work_was_elsewhere_counts_by_the_clock() -> None:
-    names = NUMBERS.index("total_s"), NUMBERS.index("cpu_s")
-    away, own = (made_up([0.1, *([0.002] * 4)]) for _ in range(2))
-    away.steps[1:, names[1]] = [0.0002, 0.0002, 0.002, 0.0019]  # of two steps the work was done by another process
-    ranked = ranked_times(tables_of([cell()], [[away, own]]).samples)
-    assert ranked["ms"].to_numpy() == pytest.approx([2.0, 2.0, 2.0, 1.9])
-    own.steps[1, names[0]] = 0.004  # the machine was busy in this round: the other one counts
-    assert ranked_times(tables_of([cell()], [[own, away]]).samples)["ms"].iloc[0] == pytest.approx(2.0)
+def test_a_step_whose_work_was_elsewhere_counts_by_the_clock_and_one_that_was_held_up_does_not() -> None:
+    cpu, waits = NUMBERS.index("cpu_s"), NUMBERS.index("waits")
+    away = made_up([0.1, *([0.002] * 4)])
+    away.steps[1:, cpu] = [0.0002, 0.0002, 0.0019, 0.003]
+    away.steps[1:, waits] = [1, 3, 0, 1]  # of two steps another process did the work; the last one had several threads
+    assert ranked_times(tables_of([cell()], [[away]]).samples)["ms"].to_numpy() == pytest.approx([2.0, 2.0, 1.9, 3.0])
+
+
+def test_on_a_busy_machine_the_step_of_a_slow_solver_and_its_ratio_are_of_one_clock() -> None:
+    quick, slow = made_up([0.1, *([0.001] * 4)]), made_up([0.1, *([0.028] * 4)])
+    slow.steps[1:, NUMBERS.index("cpu_s")] = 0.014  # others take the core from it in every step, and hardly ever from the quick one
+    summary = tables_of([cell(), cell(solver="piqp")], [[quick], [slow]]).summary.set_index("solver")
+    assert summary.loc["piqp", "step_ms"] == pytest.approx(14.0)
+    assert summary.loc["piqp", "ratio"] == pytest.approx(14.0)
 
 
 def test_percentiles_are_those_of_all_rounds_together() -> None:

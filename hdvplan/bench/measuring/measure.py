@@ -10,7 +10,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.measuring.recording import Program, nonzeros_of, replay, sampled
-from hdvplan.bench.measuring.referee import ReferenceCheck, Watch, copied_steps, memory_fault
+from hdvplan.bench.measuring.referee import ReferenceCheck, Watch, copied_steps, given_away, memory_fault
 from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Judgement, Measurement, ended, numbers_of, outcome_of
 from hdvplan.bench.suite import Suite, tuning_key
 from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR, UNRECORDED
@@ -92,25 +92,25 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
         return make_workspace(shape)
 
     alive(0)
-    steps, statuses, reasons, spent, mark = [], [], [""], 0.0, 0.0
+    steps, statuses, reasons, spent, mark, gave = [], [], [""], 0.0, 0.0, 0
 
     def keep(plan: Plan) -> None:
-        nonlocal spent, mark
+        nonlocal spent, mark, gave
         outside = perf_counter() - mark - plan.times.aside
-        steps.append(numbers_of(plan, plan.first * case.settings.step, outside))
+        steps.append(numbers_of(plan, plan.first * case.settings.step, outside, given_away() - gave))
         statuses.append(str(plan.status))
         reasons.append(plan.reason)
         alive(len(steps))
         spent += plan.times.total
         if spent > budget:
             raise _OverBudgetError
-        mark = perf_counter()
+        mark, gave = perf_counter(), given_away()
 
     outcome, message, judgement, distances = OK, "", None, np.empty((0, len(DISTANCES)))
     gc.collect()
     gc.disable()
     watch = Watch()
-    mark = perf_counter()
+    mark, gave = perf_counter(), given_away()
     try:
         driven = drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=keep)
         gc.enable()

@@ -2,7 +2,8 @@
 
 Solvers are ranked by ``step``: the shifted geometric mean over the accepted steps, each with its fastest round, of the processor time that
 the process took. Waiting for the processor is not in it; neighbours on the same core still slow it. A solver that waits instead of working
-(sleeps, or asks another process) would be flattered: it is not ranked, see ``hdvplan.bench.measuring.referee``.
+(sleeps, or asks another process) would be flattered: its steps count by the clock, and one that does so often is not ranked, see
+``hdvplan.bench.measuring.referee``.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from hdvplan.bench.measuring.referee import TUNED
 from hdvplan.bench.suite import AS_SET, GROUP, KEY
 from hdvplan.judging.balance import KEPT_M
 
-_AWAY, _TICK_S = 0.2, 2e-5  # share of a step away from the processor that an idle machine makes, and what reading clocks takes
 SHIFT_MS = 0.1  # of the geometric mean: steps far shorter than this do not decide it
 
 
@@ -31,13 +31,13 @@ def unit_of(table: pd.DataFrame) -> str:
 def ranked_times(samples: pd.DataFrame) -> pd.DataFrame:
     """Return what solvers are ranked by: of every step but the first the fastest round's time [ms], and whether it is accepted.
 
-    That is processor time where it explains what the clock showed, as well as on average of the solvers, for a busy machine stretches all
-    alike; else the clock's: work may have gone to another process.
+    That is processor time, which a busy machine hardly stretches, but the clock's where the solver gave its core away of its own accord:
+    its work may have been done by another process.
     One row a cell and step: KEY, step, ``ms``, ``accepted``, ``binding``.
     """
-    stretch = (samples["total_s"] / samples["cpu_s"].where(samples["cpu_s"] > 0.0)).groupby(samples["solver"]).median().median()
-    explained = samples["total_s"] <= (1.0 + _AWAY) * max(1.0, stretch) * samples["cpu_s"] + _TICK_S
-    warm = samples.assign(took=samples["cpu_s"].where(explained, samples["total_s"]))[samples["step"] > 0]
+    waits = samples["waits"] > 0 if "waits" in samples else False  # older runs have no such column
+    longer = samples[["cpu_s", "total_s"]].max(axis=1)
+    warm = samples.assign(took=samples["cpu_s"].mask(waits, longer))[samples["step"] > 0]
     grouped = warm.groupby([*KEY, "step"], sort=False)
     steps = grouped.agg(ms=("took", "min"), accepted=("accepted", "all"), binding=("binding", "first")).reset_index()
     steps["ms"] *= 1e3

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.arrays import FloatArray, IntArray
-from hdvplan.bench.measuring.referee import Asked, Watch, copied_steps, memory_fault, proves, scale_of
+from hdvplan.bench.measuring.referee import Asked, Watch, copied_steps, given_away, memory_fault, proves, scale_of
 from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Measurement, ended, outcome_of
 from hdvplan.bench.tables import OK, OVER_BUDGET, UNFAIR
 from hdvplan.case import Case
@@ -237,14 +237,16 @@ def nonzeros_of(shape: StageShape) -> int:
 
 def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[list[float], str, str, tuple[float, float, float]]:
     """Solve one program warm and, unless ``hurried``, cold; return numbers, status, reason, and the distance from the optimum."""
+    gave = given_away()
     result, wall, cpu = _timed(workspace, one.qp, one.guess if workspace.starts_warm else None)
+    waits = given_away() - gave
     judged, x, u = residuals(one.qp, result.point), result.point.x, result.point.u
     distance = float(np.max(np.abs(x[:, 0] - one.optimum.x[:, 0]))), float(np.max(np.abs(u - one.optimum.u))), one.scale
     numbers = {
         "linearise_s": 0.0, "update_s": wall - result.solve_time, "solve_s": result.solve_time, "check_s": 0.0, "total_s": wall,
         "qp_count": 1.0, "iterations": float(result.iterations), "usable": float(judged.primal <= USABLE_RESIDUAL), **judged._asdict(),
         "violation_m": np.nan, "aside_s": result.time_aside, "cpu_s": cpu, "binding": float(one.binding), "s_m": one.s_m,
-        "outer_s": wall,
+        "outer_s": wall, "waits": waits,
     }  # fmt: skip
     words = str(result.status), result.reason  # the next solve writes over the point
     numbers["cold_s"] = np.nan if hurried else _timed(workspace, one.qp, _nothing(workspace, one.qp.shape))[1]

@@ -56,18 +56,22 @@ class Watch:
         """Return what the solver did in ``steps`` that forbids ranking it, in words; nothing of a fair one."""
         if changed := changed_clocks():
             return f"the solver changes clocks: {', '.join(changed)}"
-        wall, cpu, given_away = (now - then for now, then in zip(_spent(), self._began, strict=True))
-        if given_away >= max(1.0, _OFTEN * steps) and wall > _WAITS * cpu:
+        wall, cpu, waits = (now - then for now, then in zip(_spent(), self._began, strict=True))
+        if waits >= max(1.0, _OFTEN * steps) and wall > _WAITS * cpu:
             return f"the solver waits instead of working, or works elsewhere: {wall / max(cpu, 1e-9):.3g} times as long by the clock"
         return ""
 
 
-def _spent() -> tuple[float, float, float]:
-    """Return clock time, processor time [s], and how often this thread has given its core away of its own accord."""
+def _spent() -> tuple[float, float, int]:
+    """Return clock time, processor time [s] and ``given_away``."""
+    return time.perf_counter(), time.process_time(), given_away()
+
+
+def given_away() -> int:
+    """Return how often this thread has given its core away of its own accord: it waits then, or has its work done elsewhere."""
     if sys.platform == "win32":
-        return time.perf_counter(), time.process_time(), 0.0  # there a solver that waits is not told
-    given_away = resource.getrusage(getattr(resource, "RUSAGE_THREAD", resource.RUSAGE_SELF)).ru_nvcsw
-    return time.perf_counter(), time.process_time(), float(given_away)
+        return 0  # there a solver that waits is not told
+    return resource.getrusage(getattr(resource, "RUSAGE_THREAD", resource.RUSAGE_SELF)).ru_nvcsw
 
 
 def changed_clocks() -> list[str]:

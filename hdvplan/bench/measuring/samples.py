@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # tables of times can be read where nothing can be planned
 NUMBERS = (
     "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable",
     "primal", "dual", "gap", "violation_m", "aside_s", "cpu_s", "binding",
-    "cold_s", "s_m", "outer_s",
+    "cold_s", "s_m", "outer_s", "waits",
 )  # fmt: skip
 COUNTS = ("qp_count", "iterations")
 _WORDS = ("statuses", "outcome", "message", "nonzeros", "first_step")  # of a measurement, beside its tables
@@ -84,17 +84,18 @@ def ended(outcome: str, message: str) -> Measurement:
     return Measurement(np.empty((0, len(NUMBERS))), (), outcome, message, 0, None)
 
 
-def numbers_of(plan: Plan, s_m: float, outer_s: float) -> list[float]:
+def numbers_of(plan: Plan, s_m: float, outer_s: float, waits: int) -> list[float]:
     """Return the numbers of one planning step in the order of a measurement's ``steps``; it begins at ``s_m``.
 
     ``outer_s`` is what the step took by the clock of whoever drives: executing the last plan, and all that surrounds planning, included.
+    ``waits`` is how often its thread gave the core away meanwhile.
     """
     times = plan.times
     named = {
         "linearise_s": times.linearise, "update_s": times.update, "solve_s": times.solve, "check_s": times.check, "total_s": times.total,
         "qp_count": plan.qp_count, "iterations": plan.qp_iterations, "usable": plan.usable, **plan.residuals._asdict(),
         "violation_m": plan.violation, "aside_s": times.aside, "cpu_s": times.cpu, "binding": plan.merit is not None, "cold_s": np.nan,
-        "s_m": s_m, "outer_s": outer_s,
+        "s_m": s_m, "outer_s": outer_s, "waits": waits,
     }  # fmt: skip
     return [float(named[name]) for name in NUMBERS]
 
