@@ -64,19 +64,18 @@ def compare(
 
 
 def _compared(base: Path, new: Path, decision: Decision, reports: Path | None, report: Report) -> ExitCode:
-    from hdvplan.bench.comparing.compare import check_some_cells_are_shared
+    from hdvplan.bench.comparing.compare import check_comparable
     from hdvplan.bench.comparing.compare import compare as compared
     from hdvplan.bench.comparing.counters import Tolerance
     from hdvplan.bench.comparing.reports import write_reports
-    from hdvplan.bench.comparing.sides import check_same_settings, read_side
+    from hdvplan.bench.comparing.sides import read_side
 
     rule, apart = decision.rule(), decision.envelope_tolerance
     if not apart >= 0.0:
         msg = f"--envelope-tolerance must be at least 0, not {apart:g}"
         raise OptionError(msg)
     sides = read_side(base), read_side(new)
-    check_same_settings(*sides)
-    check_some_cells_are_shared(*sides)
+    check_comparable(*sides)
     about = "; ".join(
         f"{word}: {path} ({', '.join(side.machines) or 'machine unknown'})"
         for word, path, side in zip(("base", "new"), (base, new), sides, strict=True)
@@ -253,7 +252,8 @@ def hold_to(counters: Path, baseline: pd.DataFrame | None, out: Path, report: Re
         write_counters(measured, counters)
         note(f"counters written to {counters}", quiet=report.quiet)
         return ExitCode.OK
-    code = show(compare_counters(baseline, measured), Rule(), report)
-    if code is not ExitCode.OK:
+    comparison = compare_counters(baseline, measured)
+    code = show(comparison, Rule(), report)
+    if comparison.changes:
         note("where the change is meant: the same command with --renew", quiet=report.quiet)
     return code

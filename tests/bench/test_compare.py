@@ -282,6 +282,8 @@ def test_a_baseline_leaves_room_for_another_machine_but_not_for_more_work(tmp_pa
         old, new = baseline.assign(iterations=1000), counters.assign(iterations=iterations)
         assert compare_counters(old, new).verdict is verdict  # 2 %
     assert compare_counters(baseline.assign(nonzeros=99), counters).verdict is GateVerdict.REGRESSED
+    assert compare_counters(baseline.iloc[:1], counters).verdict is GateVerdict.FINE  # a cell is new
+    assert compare_counters(baseline, counters.iloc[:1]).verdict is GateVerdict.REGRESSED  # one is gone
 
 
 NO_BASELINES = {
@@ -462,6 +464,22 @@ def test_runs_with_other_settings_are_no_same_cells(cli: Cli, two_runs: tuple[Pa
     outcome = cli("compare", "base", "new")
     assert outcome.code == 2
     assert f"these are not the same cells: horizon was {record['settings']['horizon']}, is 50.0\n" in outcome.err
+
+
+def test_runs_on_a_road_that_has_changed_are_no_same_cells(cli: Cli, two_runs: tuple[Path, Path]) -> None:
+    for folder, digest in zip(two_runs, ("1", "2"), strict=True):
+        record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        (folder / "run.json").write_text(json.dumps(record | {"files": {"road.csv": digest, folder.name: digest}}), encoding="utf-8")
+    outcome = cli("compare", "base", "new")
+    assert outcome.code == 2
+    assert "these are not the same cells: road.csv has another content\n" in outcome.err
+
+
+def test_a_run_whose_record_is_damaged_is_refused_as_nothing_tells_how_it_was_planned(cli: Cli, two_runs: tuple[Path, Path]) -> None:
+    (two_runs[0] / "run.json").write_bytes((two_runs[0] / "run.json").read_bytes()[:300])
+    outcome = cli("compare", "base", "new")
+    assert outcome.code == 2
+    assert f"{Path('base') / 'run.json'} cannot be read: " in outcome.err
 
 
 def changed(name: str, column: str, value: str) -> Callable[[Path], None]:

@@ -165,6 +165,12 @@ def test_stages_are_the_programs_and_the_iterate_is_their_solution(staged: Path)
         assert [len(lam) for lam in iterate["lam_traj"]] == [2 * (m + n), *[2 * (m + 1 + 2 * p)] * (last - 1), 2 * (1 + 2 * p)]
 
 
+def test_a_second_export_into_a_folder_is_refused_as_the_programs_of_both_would_lie_there(tmp_path: Path) -> None:
+    export([], tmp_path, "npz")
+    with pytest.raises(OptionError, match="holds an export already"):
+        export([], tmp_path, "npz")
+
+
 def test_a_format_that_nobody_reads_is_refused(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="no format of QPs is called 'mat'"):
         export([], tmp_path, "mat")

@@ -144,6 +144,13 @@ def test_the_decision_tells_the_numbers_of_the_middle_pair_and_their_quotient() 
     assert decision.noise == pytest.approx(np.sqrt(1.4 / 1.2))
 
 
+def test_the_numbers_of_the_new_side_by_itself_are_no_pair_s() -> None:
+    base, new = np.array([1.0, 1.0, 1.0, 1.0, 9.0]), np.array([1.1, 0.9, 1.2, 0.8, 9.0])  # in the last pair the machine was busy
+    (decision,) = decide([Pairs(base, new, 1.08, 0.0)])
+    assert decision.new == 9.0
+    assert decision.alone == (0.8, 1.1, 9.0)  # of five processes the extremes hold the median as surely as is asked
+
+
 def test_the_interval_contains_the_ratio_and_the_ratio_is_a_quotient_whatever_the_pairs() -> None:
     random = np.random.default_rng(16)
     for pairs in range(3, 21):

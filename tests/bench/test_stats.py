@@ -119,7 +119,7 @@ def test_a_cell_without_any_step_is_a_row_without_times() -> None:
     assert np.isnan(tables.timing["mean_ms"][0])
     assert np.isnan(tables.envelope["path_difference_m"]).all()  # the first has no path, the second nothing to compare with
     assert dict(zip(tables.summary["solver"], tables.summary["cells_ok"], strict=True)) == {"piqp": 1, "riccati": 0}  # the able one first
-    assert accuracy(tables.summary).endswith("piqp at 1e-08: no whole drive.")
+    assert accuracy(tables.summary).endswith("piqp at 1e-08: no path to compare.")
 
 
 def test_a_fast_wrong_solver_shows_in_its_path() -> None:

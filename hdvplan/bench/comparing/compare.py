@@ -12,12 +12,27 @@ import pandas as pd
 from hdvplan.bench.comparing.counters import WORK_TOLERANCE, Change, Tolerance, broken_in_both, changes_of
 from hdvplan.bench.comparing.decision import FEWEST, Decision, GateVerdict, Pairs, Rule, decide
 from hdvplan.bench.comparing.quantities import Abouts, Quantity, Values, cut_to, fastest, of_all, of_cell, quantities, step_of
-from hdvplan.bench.comparing.sides import COLD, CPU, LOAD, START, UNREPORTED, Name, Processes, Side, alike, cold_name, own_changes
+from hdvplan.bench.comparing.sides import (
+    COLD,
+    CPU,
+    FILES,
+    LOAD,
+    SETTINGS,
+    START,
+    UNREPORTED,
+    Name,
+    Processes,
+    Side,
+    alike,
+    cold_name,
+    own_changes,
+)
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.bench.tables import OK
 from hdvplan.errors import OptionError
 
 _BUSY = 0.8  # of the time of steps that is processor time, unless they wait
+_CHOICE = {"solvers", "vehicles", "roads", "schemes", "classes", "rounds", "budget", "step_limit", "cell_limit", "memory_limit"}
 _SCALES = {"ms": 1e3, "s": 1.0, "MB": 1e-6}
 
 
@@ -146,9 +161,12 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
 
 
 def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame) -> Comparison:
-    """Return what differs from a committed baseline, with the room that another machine's rounding needs; no times."""
+    """Return what differs from a committed baseline, with the room that another machine's rounding needs; no times.
+
+    A cell that the baseline does not have is no regression.
+    """
     changes = tuple(changes_of(baseline, measured, Tolerance(work=WORK_TOLERANCE)))
-    verdict = GateVerdict.REGRESSED if changes else GateVerdict.FINE
+    verdict = GateVerdict.REGRESSED if any(one.is_red(expected=False) for one in changes) else GateVerdict.FINE
     return Comparison(changes, (), verdict, 1, broken=tuple(broken_in_both(baseline, measured)))
 
 
@@ -212,8 +230,10 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else np.nan
 
 
-def check_some_cells_are_shared(base: Side, new: Side) -> None:
-    """Refuse sides that have cells, and none of the same name: of two folders one is another one than was meant.
+def check_comparable(base: Side, new: Side) -> None:
+    """Refuse sides whose cells are not the same: none has the same name, or settings or the content of files differ.
+
+    Which cells there are, and how often, is no such setting.
 
     Raises:
         OptionError: they are such.
@@ -223,6 +243,17 @@ def check_some_cells_are_shared(base: Side, new: Side) -> None:
     if ours and theirs and not ours.keys() & theirs.keys():
         msg = f"no cell is in both: the base has {cell_words(next(iter(ours)))}, the new run {cell_words(next(iter(theirs)))}"
         raise OptionError(msg, hint="compare two runs of the same cells: --suite FILE keeps them")
+    words = [f"{name} was {was}, is {now}" for name, was, now in _differing(base, new, SETTINGS) if name not in _CHOICE]
+    words += [f"{name} has another content" for name, _, _ in _differing(base, new, FILES)]
+    if words:
+        msg = f"these are not the same cells: {'; '.join(words)}"
+        raise OptionError(msg, hint="measure both with the same settings and files; --suite FILE keeps settings")
+
+
+def _differing(base: Side, new: Side, name: str) -> list[tuple[str, object, object]]:
+    """Return the entries of a record that both sides have, and that differ, each with both values."""
+    was, now = (side.records[0].get(name, {}) if side.records else {} for side in (base, new))
+    return [(entry, was[entry], now[entry]) for entry in was if entry in now and was[entry] != now[entry]]
 
 
 def _names(side: Side) -> dict[Name, None]:

@@ -99,6 +99,7 @@ class Decision:
     chance: float = 1.0  # of an agreement as large as this in any of the quantities, where the sides are the same
     shown: float = np.inf  # the ratio that would be believed 9 times out of 10, of few pairs with a repeat; infinite where none would
     needed: bool = True
+    alone: tuple[float, float, float] = (np.nan,) * 3  # the new side's median by itself, and the interval that holds it: low, middle, high
 
     @property
     def detectable(self) -> float:
@@ -165,8 +166,10 @@ def _decided(one: Pairs, chance: float, shown: float) -> Decision:
     middle = order[(pairs - 1) // 2]
     base, new, ratio = float(one.base[middle]), float(one.new[middle]), float(ratios[middle])
     counting = max(one.factor, 1.0 + one.floor / base)
+    by_size = np.sort(one.new)
+    alone = float(by_size[rank]), float(np.median(by_size)), float(by_size[-1 - rank])
     if pairs < FEWEST_PAIRS:
-        return Decision(GateVerdict.UNMEASURABLE, pairs, base, new, ratio, counting=counting, needed=one.needed)
+        return Decision(GateVerdict.UNMEASURABLE, pairs, base, new, ratio, counting=counting, needed=one.needed, alone=alone)
     low, high = float(ratios[order[rank]]), float(ratios[order[-1 - rank]])
     verdict = GateVerdict.FINE
     if ratio > counting:
@@ -174,7 +177,7 @@ def _decided(one: Pairs, chance: float, shown: float) -> Decision:
         verdict = GateVerdict.REGRESSED if one.independent and agree and low > 1.0 else GateVerdict.UNMEASURABLE
     elif one.needed and high > counting:
         verdict = GateVerdict.UNMEASURABLE
-    return Decision(verdict, pairs, base, new, ratio, low, high, counting, chance, shown, one.needed)
+    return Decision(verdict, pairs, base, new, ratio, low, high, counting, chance, shown, one.needed, alone)
 
 
 def level_of(pairs: int) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from hdvplan.bench.comparing.compare import Comparison, Entry
 from hdvplan.bench.comparing.counters import Change
-from hdvplan.bench.comparing.decision import GateVerdict, Rule
+from hdvplan.bench.comparing.decision import FEWEST_PAIRS, GateVerdict, Rule
 from hdvplan.bench.comparing.words import change_words, comparison_markdown, place_words, quantity_words, verdict_line, word_of
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.fileio import json_bytes, write_atomically
@@ -145,19 +145,22 @@ def _judged(entry: Entry) -> dict[str, object]:
 
 
 def _measured(comparison: Comparison) -> tuple[list[dict[str, object]], dict[str, object]]:
-    """Return the new side's numbers as github-action-benchmark (``customSmallerIsBetter``) and as Bencher (metric format) take them."""
+    """Return the new side's numbers as github-action-benchmark (``customSmallerIsBetter``) and as Bencher (metric format) take them.
+
+    They are medians of its processes by themselves: dashboards draw series, and the pair with the middle ratio may be of a busy moment.
+    """
     benchmark: list[dict[str, object]] = []
     bencher: dict[str, object] = {}
     for entry in (*comparison.times, *comparison.found):
-        found, unit = entry.decision, entry.quantity.unit
-        if not np.isfinite(found.new):
+        unit, (low, value, high) = entry.quantity.unit, entry.decision.alone
+        if not np.isfinite(value):
             continue
-        what = quantity_words(entry)
-        name, known = f"{place_words(entry)}: {what}", np.isfinite(found.noise)
-        spread = {"range": f"± {100.0 * (found.noise - 1.0):.1f} %"} if known else {}
-        benchmark.append({"name": name, "unit": unit, "value": found.new} | spread)
-        bounds = {"lower_value": found.new / found.noise, "upper_value": found.new * found.noise} if known else {}
-        bencher[name] = {f"{what} [{unit}]": {"value": found.new} | bounds}
+        what, known = quantity_words(entry), entry.decision.pairs >= FEWEST_PAIRS
+        name = f"{place_words(entry)}: {what}"
+        spread = {"range": f"{low:.4g} to {high:.4g}"} if known else {}
+        benchmark.append({"name": name, "unit": unit, "value": value} | spread)
+        bounds = {"lower_value": low, "upper_value": high} if known else {}
+        bencher[name] = {f"{what} [{unit}]": {"value": value} | bounds}
     return benchmark, bencher
 
 

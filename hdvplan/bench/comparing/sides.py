@@ -28,11 +28,11 @@ IMPORT, PEAK, CPU, START, LOAD = "import_s", "peak_bytes", "cpu_s", "start_s", "
 RAN, UNREPORTED = "ran_s", "unreported_s"
 MACHINE = "machine"  # as ``ABOUT`` and run.json have it
 COMPARISON = "comparison"  # as ``ABOUT`` has it: a name of the comparison that measured a process
-_RECORDED = {MACHINE: dict, COMPARISON: str, "settings": dict}
+SETTINGS, FILES = "settings", "files"  # as run.json has them; the digests of roads and vehicles by their paths
+_RECORDED = {MACHINE: dict, COMPARISON: str, SETTINGS: dict, FILES: dict}
 COLD = "cold"  # the folder of processes that began with an empty home
 _MOST_BYTES = 1e18  # more than any machine has
 _LEAST_S = 1e-2  # beside the steps, where hardly anything is: ratios of less say nothing, and what counts is ten times as much
-_CHOICE = {"solvers", "vehicles", "roads", "schemes", "classes", "rounds", "budget", "step_limit", "cell_limit", "memory_limit"}
 _LONGEST = 300  # characters of a drive's last words
 
 
@@ -174,27 +174,18 @@ def _told(
 
 
 def _said(file: Path) -> dict[str, Any]:
-    """Return what a file says; nothing where there is none that can be read."""
+    """Return what a file says; nothing where there is none."""
     try:
         found = read_json(file)
-    except (OSError, ValueError):
+    except (FileNotFoundError, NotADirectoryError):  # the side may be a file itself
         return {}
+    except (OSError, ValueError) as error:
+        raise _unreadable(file, error) from error
     return found if isinstance(found, dict) else {}
 
 
-def check_same_settings(base: Side, new: Side) -> None:
-    """Refuse sides whose cells are not the same: planned with other settings. Which cells there are, and how often, is no such setting.
-
-    Raises:
-        OptionError: a setting differs.
-
-    """
-    settings = [side.records[0].get("settings", {}) if side.records else {} for side in (base, new)]
-    names = [name for name in settings[0] if name in settings[1] and name not in _CHOICE and settings[0][name] != settings[1][name]]
-    if names:
-        words = "; ".join(f"{name} was {settings[0][name]}, is {settings[1][name]}" for name in names)
-        msg = f"these are not the same cells: {words}"
-        raise OptionError(msg, hint="measure both with the same settings; --suite FILE keeps them")
+def _unreadable(file: Path, error: Exception) -> OptionError:
+    return OptionError(f"{file} cannot be read: {error}", hint="measure it again")
 
 
 def _lost(timings: Sequence[pd.DataFrame]) -> dict[Name, str]:
@@ -224,8 +215,7 @@ def _tables(folder: Path) -> list[pd.DataFrame]:
         msg = f"{folder} is {'not finished' if unfinished else f'without {Path(error.filename).name}'}"
         raise OptionError(msg, hint="run its command again: it continues the run" if unfinished else "measure it again") from error
     except (OSError, EOFError, ValueError, zlib.error) as error:
-        msg = f"{folder} cannot be read: {error}"
-        raise OptionError(msg, hint="measure it again") from error
+        raise _unreadable(folder, error) from error
 
 
 def _own_side(folders: list[Path]) -> Side:
@@ -236,8 +226,7 @@ def _own_side(folders: list[Path]) -> Side:
         try:
             measured.append(steps_of(read_json(file)))
         except (OSError, ValueError) as error:
-            msg = f"{file} cannot be read: {error}"
-            raise OptionError(msg, hint="measure it again") from error
+            raise _unreadable(file, error) from error
     processes = tuple(
         {own_name(name): Steps(cell.steps, np.empty((0, 0)), cell.first, cell.s) for name, cell in cells.items()} for cells in measured
     )

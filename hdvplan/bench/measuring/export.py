@@ -44,6 +44,7 @@ from hdvplan.record import record_of
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.sparse import SparseQp
 
+_MANIFEST = "manifest.json"
 _TOLERANCES = (1e-11, 1e-12, 1e-13, 1e-14, 1e-15, 1e-10)  # of the solutions, tried in this order until one is good to the first of them
 _REFINED = 8  # times a solution is solved for again
 
@@ -78,13 +79,16 @@ def export(cases: Sequence[Case], directory: Path, form: str = "qpbenchmark", mo
     ``form`` is one of ``FORMATS``. Returned are the sequences as the manifest has them.
 
     Raises:
-        OptionError: no such format, or pyarrow is not installed, which qpbenchmark's needs.
+        OptionError: no such format, pyarrow is not installed, which qpbenchmark's needs, or the directory holds another export.
         OSError: a file cannot be written.
 
     """
     if form not in FORMATS:
         msg = f"no format of QPs is called {form!r}"
         raise OptionError(msg, hint=f"formats: {', '.join(FORMATS)}")
+    if (directory / _MANIFEST).exists():
+        msg = f"{directory} holds an export already, and the programs of both would lie there"
+        raise OptionError(msg, hint="choose another folder, or delete that one")
     directory.mkdir(parents=True, exist_ok=True)
     sequences: list[dict[str, Any]] = []
     for case in cases:
@@ -98,7 +102,7 @@ def export(cases: Sequence[Case], directory: Path, form: str = "qpbenchmark", mo
         entry["layout"] = _layout(found[0].recorded.qp.shape) if found and form != "acados" else None
         sequences.append(entry | {"programs": [_listed(one, before) for before, one in zip([None, *found], found, strict=False)]})
     manifest = {"format": form, "sequences": sequences}
-    write_atomically(directory / "manifest.json", json_bytes(manifest))
+    write_atomically(directory / _MANIFEST, json_bytes(manifest))
     write_atomically(directory / "run.json", json_bytes(record_of(cases)))
     return sequences
 

@@ -35,7 +35,7 @@ def ranked_times(samples: pd.DataFrame) -> pd.DataFrame:
     its work may have been done by another process.
     One row a cell and step: KEY, step, ``ms``, ``accepted``, ``binding``.
     """
-    waits = samples["waits"] > 0 if "waits" in samples else False  # older runs have no such column
+    waits = samples.reindex(columns=["waits"], fill_value=0)["waits"] > 0  # older runs have no such column
     longer = samples[["cpu_s", "total_s"]].max(axis=1)
     warm = samples.assign(took=samples["cpu_s"].mask(waits, longer))[samples["step"] > 0]
     grouped = warm.groupby([*KEY, "step"], sort=False)

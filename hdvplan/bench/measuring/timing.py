@@ -145,7 +145,7 @@ def accuracy(summary: pd.DataFrame, tolerances: Mapping[str, float | None] | Non
     used = {str(solver): _tolerance(str(solver), tolerances or {}) for solver in furthest.index}
     parts = [
         f"{solver} {used[str(solver)]}: "
-        + (("no whole drive" if driven else "no program") if pd.isna(difference) else f"{difference:.1e} m")
+        + (("no path to compare" if driven else "no program") if pd.isna(difference) else f"{difference:.1e} m")
         for solver, difference in furthest.items()
         if solver != reference or not driven  # a path is compared with the reference's, an optimum with that of a cold solve
     ]
