@@ -159,9 +159,8 @@ def approach_of(result: Result, breach: Breach) -> Approach:
 
 
 def shared_with(result: Result, approach: Approach) -> BaseGeometry:
-    """Return the area of an obstacle that bodies entered, at the simulated poses."""
-    inside = result.outlines.query(approach.obstacle.polygon, predicate="intersects")
-    return shapely.union_all(shapely.intersection(result.outlines.geometries[inside], approach.obstacle.polygon))
+    """Return the area of an obstacle that bodies swept."""
+    return shapely.union_all(shapely.intersection(np.array(result.swept), approach.obstacle.polygon))
 
 
 def _sample(result: Result, s: float) -> int:

@@ -11,10 +11,11 @@ from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.obstacles import approaches
-from hdvplan.judging.result import Result
+from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.sentences import breach_text
 from hdvplan.judging.verdict import verdict_line, verdict_of
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.report.rooms import shared_with
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
@@ -37,11 +38,14 @@ def test_a_post_that_a_corner_swings_over_between_two_poses_is_hit() -> None:
     first = pose_at(drive, 50.0)
     left, right = np.mean(corners(drive, np.array([first, first + 1]))[:, 0, :2], axis=0)  # its front corners, half-way between two poses
     post = Region(Kind.OBSTACLE, shapely.Point(right + 0.02 * (left - right) / 2.54).buffer(0.01))
-    (hit,) = approaches(replace(drive, road=replace(bend, regions=(post,))))
+    driven = replace(drive, road=replace(bend, regions=(post,)))
+    (hit,) = approaches(driven)
     assert (hit.side, hit.part) == ("right", "front corner")
     assert (
         -0.03 < hit.distance < -0.01
     )  # the post is 3 cm within the path of the corner, which crosses the body's sides at half right angles
+    drawn = shared_with(result_of(driven, solver="riccati", objective="geometric"), hit)
+    assert drawn.area == pytest.approx(post.polygon.area, rel=0.01)  # of poses alone nothing, and of a wall teeth
 
 
 def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(straight: Result) -> None:
