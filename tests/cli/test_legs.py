@@ -138,14 +138,6 @@ def test_how_far_smoothing_moved_a_leg_is_told_and_that_it_parks_askew(
     assert ("warning: smoothing turned the end of the last leg by" in outcome.err) is turned
 
 
-def test_a_report_of_legs_is_refused(cli: Cli, tmp_path: Path) -> None:
-    written(tmp_path, *turn_features())
-    assert cli("plan", "turn.geojson", *QUICK, "--no-plot", "--out", "out").code == 0
-    outcome = cli("report", "out")
-    assert outcome.code == 2
-    assert "of several legs" in outcome.err
-
-
 def test_the_line_of_the_last_axle_leads_the_semitrailer_onto_a_dock(cli: Cli, tmp_path: Path) -> None:
     rear, _ = drawn((0.0, 0.0, 0.0), [(-30.0, 0.0), (-15.0, -0.02), (-20.0, 0.0)])
     written(tmp_path, leg(1, "backward", np.vstack([rear, rear[-1:]])), name="dock.geojson")  # an end drawn twice

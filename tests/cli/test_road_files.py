@@ -29,7 +29,7 @@ def test_layer_name_and_role_choose_in_a_file(cli: Cli, tmp_path: Path) -> None:
     assert found.code == 0
     assert json.loads(found.out)["narrowest_m"] is not None
     other = cli("roads", "info", "a.kml", "--name", "B", "--role", "kerb=sweepable", "--json")
-    assert (other.code, other.out) == (2, "")
+    assert (other.code, json.loads(other.out)["kind"]) == (2, "RoadError")
     assert "with open ends: a sweepable area has an outline" in other.err
     refused = cli("roads", "info", "a.kml", "--role", "kerb")
     assert (refused.code, refused.out) == (2, "")
