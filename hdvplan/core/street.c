@@ -18,6 +18,7 @@
 #define MORE_M 1e-6     /* than rounding of a distance */
 #define IN_FRONT                                                                                                       \
     0.5 /* sine of the angle to a kerb from which on a place is on its street's side, however a body stands there */
+#define ALIKE 0.05   /* of cosines: 18 degrees of a straight run */
 #define SEEN_M 0.1   /* beyond a kerb: no wall's thickness alone */
 #define SAME_M 1e-12 /* from a point to a corner of a kerb: no direction leads from one to the other */
 
@@ -66,6 +67,7 @@ struct search {
     const struct hdv_block *blocks;
     int64_t count;
     int64_t wheels; /* 0: no kerb is one that wheels alone must keep */
+    double reach;   /* that what is nearest is among the blocks up to [m] */
 };
 
 /* Whether pieces of a stretch of line may hold the place that is nearest to a point at arclength s [m]. */
@@ -113,8 +115,17 @@ static void meet_aside(const struct hdv_piece *piece, double x, double y, int64_
 /* Whether a place so far from a piece's first corner, a protruding one, may lie behind it: the kerb there turns away
  * from what is seen on its street's side. */
 static int is_behind(const struct hdv_piece *piece, double x, double y) {
-    double before = y * piece->before_cos - x * piece->before_sin, after = y * piece->cos - x * piece->sin;
+    double before = y * piece->from_cos - x * piece->from_sin, after = y * piece->to_cos - x * piece->to_sin;
     return larger(before, after) < IN_FRONT * hypot(x, y);
+}
+
+/* Whether a kerb that runs so to its corner and on from there faces the way that a body's side is to be led in, about
+ * as much as its two runs face each other. On a run that is straight but for jitter, a corner of the body is further
+ * beyond it, and a side would be led off as far as the kerb lies oblique to it. */
+static int faces(const struct hdv_piece *piece, double x, double y) {
+    double before = y * piece->from_cos - x * piece->from_sin, after = y * piece->to_cos - x * piece->to_sin;
+    double alike = piece->from_cos * piece->to_cos + piece->from_sin * piece->to_sin;
+    return piece->ends || larger(before, after) > alike - ALIKE;
 }
 
 /* The gap between a kerb's corner, u ahead of the axle and v left of the axis, and the side of the outline that faces
@@ -123,6 +134,8 @@ static double corner_gap(
     const struct search *in, const struct hdv_piece *piece, const struct outline *on, double u, double v, double sign
 ) {
     double room = sign * v - on->half_width, across = v + sign * on->half_width;
+    if (in->look == HDV_TO_PLAN && room < 0.0 && !faces(piece, sign * in->pose->sin, -sign * in->pose->cos))
+        return INFINITY;
     if (room < -2.0 * on->half_width) { /* it lies beyond the other side: a plan is led back, if from behind it */
         int behind = is_behind(piece, in->pose->sin * across, -in->pose->cos * across);
         int leads = !(piece->wall && piece->ends); /* the end of a wall leads nowhere */
@@ -285,8 +298,8 @@ static struct nearest nearest_to(const struct search *in, int64_t kerb, double s
         if (count < REMEMBERED)
             least[count] = own;
     }
-    for (int all = 0; all < 2 && found.piece < 0 && of_all < INFINITY; all++) {
-        found.distance = all ? INFINITY : sqrt(of_all) + MORE_M;
+    for (int all = 0; all < 2 && found.piece < 0 && of_all < in->reach * in->reach; all++) {
+        found.distance = all ? in->reach : sqrt(of_all) + MORE_M;
         double most = found.distance * found.distance;
         for (int64_t i = 0; i < count; i++)
             if (in->blocks[i].kerb == kerb && (i >= REMEMBERED || least[i] < most))
@@ -485,6 +498,7 @@ static void range_over(struct search *in, struct stretch_of_line line) {
         in->wheels |= street->blocks[beyond++].wheels;
     in->blocks = &street->blocks[first];
     in->count = beyond - first;
+    in->reach = INFINITY;
 }
 
 /* A piece in the axes of a body: where it begins, and how it leads on from there [m]. */
@@ -624,6 +638,7 @@ void pieces_near(
     struct search in = {.street = street};
     int64_t listed = 0;
     found->count = 0;
+    found->reach = reach;
     range_over(&in, box.line);
     for (const struct hdv_block *block = in.blocks; block < in.blocks + in.count; block++) {
         struct hdv_block *to = &found->blocks[found->count];
@@ -659,6 +674,7 @@ void look_at_body(
         in.blocks = among->blocks;
         in.count = among->count;
         in.wheels = 1;
+        in.reach = among->reach;
     } else {
         range_over(&in, line_beside(unit, s, behind));
     }

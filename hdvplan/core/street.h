@@ -12,6 +12,8 @@ struct hdv_piece {
     double cos, sin;               /* its direction */
     double length;                 /* [m], none of a kerb's last point */
     double before_cos, before_sin; /* direction of the piece that ends where it begins; its own where none does */
+    double from_cos, from_sin;     /* direction of the kerb's run to where it begins, none where the kerb does */
+    double to_cos, to_sin;         /* the same on from there */
     double s_low, s_high;          /* the stretch of line that it belongs to [m] */
     double s_begin, s_end;         /* the line's arclength beside its beginning and its end [m] */
     int64_t kerb;                  /* its number: of each kerb the nearest place counts, of several the tightest */
@@ -94,6 +96,7 @@ struct some_pieces {
 /* The same by blocks, near a body. */
 struct hdv_near {
     int64_t count; /* -1: too many pieces to be listed */
+    double reach;  /* further from the body there are others [m] */
     struct hdv_block blocks[HDV_SOME];
 };
 

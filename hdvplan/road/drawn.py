@@ -7,16 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import scipy  # its subpackages load when they are first used
-import shapely
 
-from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up, turns_of
+from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up
 from hdvplan.errors import RoadError
 from hdvplan.road.about import About
 from hdvplan.road.chains import OVERLAP_M, chained, gaps
 from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, project_many
-from hdvplan.road.pieces import BACK, Kerb, between
+from hdvplan.road.pieces import Kerb, between
 from hdvplan.road.regions import OPEN_M
 from hdvplan.road.street import BEYOND_M
 
@@ -24,7 +23,6 @@ _LOCATED_M = 2.0  # pieces of a drawn line are located at points this near to ea
 _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
 _ELSEWHERE_M = 1000.0  # no street is so wide
-_TINY_M, _PLAIN_M = 0.005, 0.002  # of a piece that nobody drew; beside a line with such pieces, within which its points are left out
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
 
@@ -191,22 +189,10 @@ def _refuse_wall(path: ReferencePath, s: FloatArray, offset: FloatArray, crossin
 
 def densely(edge: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return a line's points with others in between, and which piece of the line begins at each of them."""
-    edge = _plain(edge)
     step = np.diff(edge, axis=0)
     counts = np.maximum(np.ceil(np.hypot(*step.T) / _LOCATED_M).astype(np.int64), 1)
     piece, part = counted_up(counts)
     return np.vstack([edge[piece] + (part / counts[piece])[:, None] * step[piece], edge[-1:]]), np.append(piece, len(step))
-
-
-def _plain(edge: FloatArray) -> FloatArray:
-    """Return a line that has pieces of millimetres without the points that lie on it in between.
-
-    Unions leave such pieces, which face anywhere: a plan would keep off to where they do. A wall as thin as that stays as it is.
-    """
-    if np.min(np.hypot(*np.diff(edge, axis=0).T), initial=np.inf) > _TINY_M:
-        return edge
-    plain = np.asarray(shapely.LineString(edge).simplify(_PLAIN_M, preserve_topology=False).coords)
-    return edge if np.any(turns_of(plain) < BACK) else plain
 
 
 def _runs(left_out: BoolArray, *, ring: bool) -> list[IntArray]:

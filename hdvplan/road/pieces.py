@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from hdvplan import core
-from hdvplan.arrays import FloatArray, Records, turns_of
+from hdvplan.arrays import BoolArray, FloatArray, Records, turns_of
 
 PIECE = core.record("hdv_piece")
 STREET = core.record("hdv_street")
@@ -18,10 +19,10 @@ _ALONGSIDE = {name: np.dtype((np.float64, _TOGETHER)) for name in ("x", "y", "co
 BLOCK = core.record("hdv_block", **_ALONGSIDE, numbers=np.dtype((np.int64, _TOGETHER)))
 _SHORTEST_M = 1e-6  # two points of a kerb nearer than this are one
 BACK = -1.0 + 1e-9  # cosine of a turn: a kerb that goes back on itself has no width there
-_SLIVER_M, _SHARPLY = 0.005, -0.5  # a shorter side that the kerb turns to, or from, by over 120 degrees was drawn by nobody
+_LOOP_M = 0.1  # around a loop that nobody drew: points surveyed twice and unions leave them, and within, left is right
+_RUN_M = 0.25  # before and behind a point, to where the kerb runs there: single pieces of millimetres face anywhere
 _STRAIGHT = 1e-7  # [rad] of turn: less is rounding of coordinates of a thousand kilometres, and no corner
 _WALL = 0.25  # metres of line a metre, below which a piece is a wall across the street
-_CLEANED = 5  # times that such points are taken out
 
 
 @dataclass(frozen=True)
@@ -106,14 +107,13 @@ def _pieces(kerb: Kerb) -> Records:
     """Return the pieces of one kerb, with the street on their left: those of a left kerb run against the line."""
     order = slice(None, None, -1) if kerb.left else slice(None)
     points, s = kerb.points[order], kerb.s[order]
-    for _ in range(_CLEANED):
-        length, turn = np.hypot(*np.diff(points, axis=0).T), turns_of(points)
-        sliver = (turn < _SHARPLY) & (np.minimum(length[1:], length[:-1]) < _SLIVER_M)
-        back = (turn < BACK) | sliver & ~np.append(False, sliver[:-1])  # of a sliver's two turns one goes
-        kept = np.append(length > _SHORTEST_M, True) & ~np.concatenate([[False], back, [False]])
-        if np.all(kept):
-            break
+    kept = np.zeros(1, bool)
+    while not np.all(kept):
+        kept = np.append(np.hypot(*np.diff(points, axis=0).T) > _SHORTEST_M, True)
+        kept[1:-1] &= turns_of(points) >= BACK
         points, s = points[kept], s[kept]
+        points, left = _unlooped(points)
+        points, s, kept = points[left], s[left], np.append(kept, left)
     step = np.diff(points, axis=0)
     found = np.zeros(len(step), PIECE)
     if len(found) == 0:  # inside a ring that is narrower than its width: a point bounds nothing
@@ -123,6 +123,10 @@ def _pieces(kerb: Kerb) -> Records:
     found["cos"], found["sin"] = (step / found["length"][:, None]).T
     for name in ("cos", "sin"):
         found[f"before_{name}"] = np.concatenate([found[name][:1], found[name][:-1]])
+    along = np.append(0.0, np.cumsum(found["length"]))
+    for name, way in (("from", -_RUN_M), ("to", _RUN_M)):
+        run = np.stack([np.interp(along[:-1] + way, along, column) for column in points.T]) - points[:-1].T
+        found[f"{name}_cos"], found[f"{name}_sin"] = np.sign(way) * run / np.maximum(np.hypot(*run), _SHORTEST_M)
     found["s_begin"], found["s_end"] = s[:-1], s[1:]
     found["s_low"], found["s_high"] = np.minimum(s[:-1], s[1:]), np.maximum(s[:-1], s[1:])
     found["left"], found["wheels"] = kerb.left, kerb.wheels
@@ -134,6 +138,22 @@ def _pieces(kerb: Kerb) -> Records:
         found["corner"][[0, -1]] = found["ends_after"][-2:] = 1
     found["ends"][[0, -1]] = 1, not kerb.goes_on
     return found
+
+
+def _unlooped(points: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return points (n, 2) with small loops cut where they close, the smallest first, and which of them (n,) are left."""
+    drawn = np.asarray(shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1)))
+    along = np.append(0.0, np.cumsum(shapely.length(drawn)))
+    first, last = shapely.STRtree(drawn).query(drawn, predicate="intersects")
+    small = (last > first + 1) & (last - first < len(drawn) - 1) & (along[last] - along[np.minimum(first + 1, last)] < _LOOP_M)
+    first, last = (found[small][np.lexsort((-first[small], last[small]))] for found in (first, last))
+    points, left, beyond = points.copy(), np.ones(len(points), bool), 0
+    for begin, end in zip(first, last, strict=True):
+        closing = shapely.get_coordinates(shapely.intersection(drawn[begin], drawn[end]))[0]
+        ways = np.sum(np.hypot(*(closing - points[[begin + 1, end]]).T))
+        if begin >= beyond and along[end] - along[begin + 1] + ways < _LOOP_M:
+            points[begin + 1], left[begin + 2 : end + 1], beyond = closing, False, end + 1
+    return points, left
 
 
 def replaced_by(kerb: Kerb, parts: Sequence[Kerb]) -> Kerb:

@@ -22,7 +22,7 @@ from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.pieces import Kerb, pieces_of
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
-from hdvplan.road.street import Street
+from hdvplan.road.street import Street, rooms_of
 from tests.core.chains import arc
 
 EAST = np.array([[1.0, 0.0], [1.0, 0.0]])
@@ -161,13 +161,14 @@ def test_the_direction_before_a_piece_is_that_of_its_neighbour(left: bool) -> No
 @pytest.mark.parametrize("fold", [[[0.0, 0.004]], [[-0.004, 0.0005]], [[-0.003, 0.002]], [[0.0005, 0.004], [0.001, 0.0]]])
 def test_a_fold_back_of_a_few_millimetres_is_no_side_of_a_kerb(left: bool, fold: list[list[float]]) -> None:
     kink = np.array([30.0, 3.0])  # the kerb turns there, and goes back on itself
-    points = np.array([[0.0, 3.0], kink, *(kink + fold), [30.0, 3.0004], [60.0, 13.0]])
-    found = pieces(Kerb(points, np.linspace(0.0, 100.0, len(points)), left, goes_on=False))
-    assert np.sum(found["length"]) == pytest.approx(30.0 + np.hypot(30.0, 10.0), abs=0.001)  # a fold has two sides of 3 to 4 mm
-    turns = found["before_cos"] * found["cos"] + found["before_sin"] * found["sin"]
-    assert np.min(turns) > -0.5
-    begin, _ = ends_of(found)
-    assert np.min(np.hypot(*(begin - kink).T)) < 0.005  # a sliver's length
+    ends = [[0.0, 3.0]], [[60.0, 13.0]]
+    folded, plain = (
+        pieces_of([Kerb(points, points[:, 0], left)])
+        for points in (np.vstack([ends[0], middle, ends[1]]) for middle in ([kink, *(kink + fold), [30.0, 3.0004]], [kink]))
+    )
+    s, angle = np.full(36, 30.0), np.radians(np.arange(0.0, 360.0, 10.0))
+    rooms = [rooms_of(street, s, 30.0 + np.cos(angle), 3.0 + np.sin(angle))[int(not left)] for street in (folded, plain)]
+    np.testing.assert_allclose(rooms[0], rooms[1], atol=0.005)  # a fold has two sides of 3 to 4 mm
 
 
 def test_a_closed_road_has_every_kerb_in_every_lap_without_a_gap() -> None:

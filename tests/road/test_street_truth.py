@@ -385,14 +385,18 @@ def test_a_repeated_point_changes_no_kerb(tmp_path: Path, again: float) -> None:
     assert np.max(shapely.hausdorff_distance(lines[1:], lines[0])) < 5e-3  # chords of arcs that begin and end at other points
 
 
-@pytest.mark.parametrize("apart", [1e-7, 1e-5, 1e-3])
-def test_points_that_a_union_left_beside_each_other_turn_no_kerb(apart: float) -> None:
-    line = np.array([(0.0, 0.0), (60.0, 0.0), (60.0, 60.0)])
-    clean = tuple(np.asarray(shapely.LineString(edge).segmentize(0.26).coords) for edge in offsets(line, 3.6))
+@pytest.mark.parametrize("half_width", [3.2, 3.6])
+@pytest.mark.parametrize(
+    ("apart", "again", "spacing"), [(1e-7, 4, 0.26), (1e-5, 4, 0.26), (4e-3, 1, 0.03), (4e-3, 3, 1.0), (6e-3, 4, 0.26)]
+)
+def test_points_beside_each_other_that_unions_and_surveys_leave_turn_no_kerb(
+    half_width: float, apart: float, again: int, spacing: float
+) -> None:
+    clean = tuple(np.asarray(shapely.LineString(edge).segmentize(spacing).coords) for edge in offsets(CORNER, half_width))
     jitter = np.random.default_rng(1)
-    torn = tuple(np.repeat(edge, 4, axis=0) + jitter.uniform(-apart, apart, (4 * len(edge), 2)) for edge in clean)
-    spare = [verdict(road_of(RawRoad(points=line, edges=edges))).spare for edges in (clean, torn)]
-    assert spare[1] == pytest.approx(spare[0], abs=0.005)  # of a jitter of 1 mm, and points that are left out within 2
+    torn = tuple(np.repeat(edge, again, axis=0) + jitter.uniform(-apart, apart, (again * len(edge), 2)) for edge in clean)
+    spare = [verdict(road_of(RawRoad(points=CORNER, edges=edges))).spare for edges in (clean, torn)]
+    assert spare[1] == pytest.approx(spare[0], abs=SAME_M if half_width < 3.3 else 0.002 + apart)  # what lacks is a local optimum's
 
 
 def test_a_wall_as_thin_as_a_piece_that_is_left_out_stays() -> None:
