@@ -177,7 +177,8 @@ def finding_text(finding: Finding, vehicle: str) -> str:
     """Return a finding as one sentence."""
     place = f"from s = {finding.s_from:z.1f} to {finding.s_to:z.1f} m"
     if finding.trouble is Trouble.WIDTH:
-        return f"too narrow for the {vehicle} {place}: limits {_apart(finding.available)}, needs {finding.needed:.2f} m"
+        lacks = f": {finding.needed - finding.available:.2f} m have to go" if finding.available < 0.0 else ""
+        return f"too narrow for the {vehicle} {place}: limits {_apart(finding.available)}, needs {finding.needed:.2f} m{lacks}"
     if finding.trouble is Trouble.CURVATURE:
         evenly = f"sweeping it evenly needs a curvature of {finding.needed:.3f} 1/m, the vehicle steers {finding.available:.3f} 1/m at most"
         return f"too tight for the {vehicle} {place}: {evenly}"

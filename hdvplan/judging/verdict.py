@@ -133,8 +133,7 @@ def verdict_details(result: Result, verdict: Verdict, of: str = "") -> str:
     if verdict.fits is None:
         parts.append("the road has no limits")
     elif not verdict.fits:
-        parts += [text for text in (_wheels(result, verdict), _hit(result, verdict)) if text]
-        parts.append(_known(result, verdict))
+        parts += [text for text in (_wheels(result, verdict), _hit(result, verdict), _known(result, verdict)) if text]
     parts += farther_texts(result)
     return "; ".join(parts)
 
@@ -293,8 +292,9 @@ def _wheels(result: Result, verdict: Verdict) -> str:
 
 
 def _hit(result: Result, verdict: Verdict) -> str:
-    """Return which obstacle is entered too, where a limit of the road decides."""
-    near = min(result.approaches, key=lambda approach: approach.distance, default=None)
-    if verdict.obstacle is not None or near is None or near.distance >= -KEPT_M:
-        return ""
-    return f"{-near.distance:.2f} m into {called(near.obstacle.label)} as well"
+    """Return which obstacle is entered too, where a limit of the road decides, or which limit is broken where an obstacle does."""
+    others = [(-near.distance, f"into {called(near.obstacle.label)}") for near in result.approaches]
+    if verdict.obstacle is not None:
+        others = [(one.depth, f"beyond the {one.side} limit") for one in result.balance.breaches if one.obstacle is None]
+    lacking, against = max(others, default=(0.0, ""))
+    return f"{lacking:.2f} m {against} as well" if lacking > KEPT_M else ""

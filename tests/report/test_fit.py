@@ -48,7 +48,9 @@ def test_each_reason_has_its_sentence_with_place_and_numbers() -> None:
     none = fit_of(turn(4.0), load_vehicle("tractor-trailer-24m")).findings[0]
     assert none.trouble is Trouble.CIRCLE
     blocked = Limits(np.array([0.0, 150.0]), *(value * np.ones(2) for value in (-1.0, 1.0, -1.0, 1.0)))
-    assert "limits overlap by 2.00 m" in finding_text(fit_of(replace(turn(50.0), limits=blocked), BUS).findings[0], "bus")
+    (shut,) = fit_of(replace(turn(50.0), limits=blocked), BUS).findings
+    wanted = f"limits overlap by 2.00 m, needs {shut.needed:.2f} m: {2.0 + shut.needed:.2f} m have to go"
+    assert finding_text(shut, "bus").endswith(wanted)
 
 
 def test_neighbouring_places_are_one_finding_and_distant_ones_two() -> None:

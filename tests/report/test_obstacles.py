@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import shapely
 
-from hdvplan.api import drive_case
+from hdvplan.api import drive_case, plan
 from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.obstacles import approaches
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.sentences import breach_text
-from hdvplan.judging.verdict import verdict_line, verdict_of
+from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.rooms import shared_with
 from hdvplan.road.path import from_curvature
@@ -62,6 +62,17 @@ def test_an_obstacle_that_is_hit_is_one_breach_with_its_depth_in_the_plane(strai
     assert "enters the obstacle 'bin' by 0.270 m" in breach_text(judged, breach)
     assert judged.entered == ()
     assert "beyond the obstacle 'bin'" in verdict_line(judged, verdict_of(judged))
+
+
+def test_an_obstacle_that_closes_the_street_tells_what_lacks_to_it_and_to_the_kerb() -> None:
+    wall = shapely.box(29.0, -3.6, 31.0, 2.5)  # leaves 1.0 m to the left
+    road = Road("shut", from_curvature(np.array([0.0, 60.0]), np.array([0.0, 0.0])), regions=(Region(Kind.OBSTACLE, wall, "wall"),))
+    judged = plan(Case(road.with_limits(3.5, 3.5), load_vehicle("bus")))
+    left = max(breach.depth for breach in judged.balance.breaches if (breach.obstacle, breach.side) == (None, "left"))
+    hit = -judged.approaches[0].distance
+    assert hit > left
+    assert f"; {left:.2f} m beyond the left limit as well; " in verdict_details(judged, verdict_of(judged))
+    assert hit + left > 2.54 - 1.0 - 0.01  # what lacks beside both is at least what the vehicle is too wide by
 
 
 def test_the_clearance_over_s_is_to_the_obstacle_all_along_it(straight: Result) -> None:
