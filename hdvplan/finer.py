@@ -86,16 +86,10 @@ def _divided(settings: PlannerSettings, divisor: int) -> PlannerSettings | None:
     return replace(settings, step=step, give_way=0.5 * KEPT_M)  # half of what counts as kept
 
 
-def measured(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:
-    """Return a plan that comes as near to its limits as they allow with the largest clearance that can be kept; others as they are.
-
-    So are plans on roads that are so long that people would wait. ``on_progress`` receives the share of the plans that are made.
-    """
+def is_near(result: Result) -> bool:
+    """Tell whether a plan fits and comes nearer to its limits than people like, for its objective does not ask for room."""
     verdict = verdict_of(result)
-    near = bool(verdict.fits) and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < NEAR_M
-    if not near or result.drive.road.path.length > LONG_M:
-        return result
-    return replace(result, most_clearance=clearest(result, on_progress=on_progress).case.settings.clearance)
+    return bool(verdict.fits) and verdict.spare is not None and verdict.clearance_wanted + verdict.spare < NEAR_M
 
 
 def clearest(result: Result, *, on_progress: Callable[[float], None] | None = None) -> Result:

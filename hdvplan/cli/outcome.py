@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,7 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
     One that fits with hardly any room to spare is returned with how much another can keep.
     """
     from hdvplan import api
-    from hdvplan.finer import measured, replanned
+    from hdvplan.finer import LONG_M, clearest, is_near, replanned
     from hdvplan.judging.verdict import verdict_of
 
     if proof and verdict_of(result).fits is False:
@@ -40,9 +41,14 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
     if refine and verdict_of(result).fits is False:
         with progress("planning again so that less is lacking", quiet=quiet) as on_progress:
             result = replanned(result, on_progress=on_progress)
-    if refine and result.planned:
+    if not (refine and result.planned and is_near(result)):
+        return result
+    if result.drive.road.path.length > LONG_M:
+        note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
+    else:
         with progress("looking for the largest clearance", quiet=quiet) as on_progress:
-            result = measured(result, on_progress=on_progress)
+            most = clearest(result, on_progress=on_progress).case.settings.clearance
+            result = replace(result, most_clearance=most)
     return result
 
 

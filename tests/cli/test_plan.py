@@ -142,6 +142,13 @@ def test_a_plan_that_comes_near_its_limits_tells_the_largest_clearance(cli: Cli,
     assert "as near as" not in cli("plan", *VAN, "--no-refine").out
 
 
+def test_a_plan_of_a_long_road_that_comes_near_its_limits_says_what_asks_for_room(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.finer.LONG_M", 10.0)
+    hint = "the plan comes as near as limits allow; --clearance M keeps it away from them"
+    assert hint in cli("plan", *VAN).err
+    assert "as near as" not in cli("plan", *VAN, "--clearance", "0.2").err
+
+
 def test_the_record_beside_the_summary_holds_the_case_that_was_planned(cli: Cli, tmp_path: Path, short_road: str) -> None:
     options = ("--half-width", "3", "--objective", "balanced", "--bias", "0.2", "--solver", "piqp")
     assert cli("plan", short_road, "--vehicle", "bus", *QUICK, *options).code == 0
