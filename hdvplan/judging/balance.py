@@ -17,6 +17,7 @@ from hdvplan.judging.obstacles import Approach, approaches
 from hdvplan.vehicle.model import Vehicle
 
 KEPT_M = 0.01  # a limit counts as kept when broken by no more than this, as simulated
+_NEAR_M = 0.5  # to a kerb: a body that passes so near tells that it is kept there
 
 ONE_M = 2.0  # stretches on which a limit is broken are one if they are this near to each other, or no contact lies between them
 
@@ -144,12 +145,16 @@ def _is_the_wheels_own(breach: Breach, breaches: list[Breach]) -> bool:
 
 
 def _breaches(vehicle: Vehicle, s: FloatArray, touch: Records, side: str, region: str) -> list[Breach]:
-    """Return the stretches on which the tightest of touches (units, n) lies below -KEPT_M; a contact leaps along a kerb beside bends."""
+    """Return the stretches on which the tightest of touches (units, n) lies below -KEPT_M; a contact leaps along a kerb beside bends.
+
+    From corner to corner of a drawn kerb, as far as a body lies over both, bodies that pass at some distance do not tell that it is kept.
+    """
     gap = np.min(touch["gap"], axis=0)
     broken = np.flatnonzero(gap < -KEPT_M)
     found = []
-    kept = np.cumsum(np.isfinite(gap) & (gap >= -KEPT_M))
-    apart = (np.diff(s[broken]) > ONE_M) & (np.diff(kept[broken]) > 0)
+    near, kept = (np.diff(np.cumsum((gap >= -KEPT_M) & (gap < most))[broken]) > 0 for most in (_NEAR_M, np.inf))
+    over = max(unit.length for unit in vehicle.units)
+    apart = (np.diff(s[broken]) > ONE_M) & (near | kept & (np.diff(s[broken]) > over))
     for run in np.split(broken, np.flatnonzero(apart) + 1) if len(broken) else ():
         at = int(run[np.argmin(gap[run])])
         unit = int(np.argmin(touch["gap"][:, at]))

@@ -405,3 +405,16 @@ def test_a_wall_as_thin_as_a_piece_that_is_left_out_stays() -> None:
     wall = np.vstack([[(-20.0, 3.0), (50.0, 3.0)], tip, [(50.001, 3.0), (120.0, 3.0)]])
     found = verdict(road_of(RawRoad(points=line, edges=(wall, np.array([(-20.0, -2.0), (120.0, -2.0)])))))
     assert found.word == NO
+
+
+@pytest.mark.parametrize("corners", [3, 4, 6, 9, 91])
+def test_a_breach_along_an_inner_kerb_is_one_however_far_apart_its_points_are(corners: int) -> None:
+    def turned(radius: float, count: int) -> FloatArray:
+        angle = np.linspace(0.0, 0.5 * np.pi, count)
+        bend = np.stack([radius * np.sin(angle), 12.0 - radius * np.cos(angle)], axis=1)
+        return np.vstack([[-40.0, 12.0 - radius], bend, [radius, 52.0]])
+
+    road = road_of(RawRoad(turned(12.0, 91), edges=(turned(9.8, corners), turned(14.2, 91))))
+    result = api.plan(Case(road, load_vehicle("tractor-semitrailer")))
+    (along,) = (breach for breach in result.balance.breaches if breach.side == "left" and breach.depth > 0.1)
+    assert (along.s_from < 50.0, along.s_to > 58.0) == (True, True)  # the semitrailer's axles, from one corner of the kerb to the next
