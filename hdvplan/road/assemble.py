@@ -90,7 +90,8 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     whole = unit.metres * everything if plane is None else plane.points
     placed = np.split(whole, np.cumsum([len(part) for part in parts])[:-1])
     beside = Beside(name, system, plane, choice, tuple(line.feature.geometry for line in chosen), unit.metres)
-    edges = [(*without_spurs(edge), label_of(feature)) for feature in features for edge in beside.edges(feature)]
+    sides = [(*beside.edges(feature), label_of(feature)) for feature in features]
+    edges = [(*without_spurs(edge), label) for own, _, label in sides for edge in own]
     if system is None:
         refuse_no_street(placed, None, [edge for edge, _, _ in edges], unit, name)
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)
@@ -101,6 +102,7 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
         if is_island(edge, [other for other, _, _ in others], drawn[0].points):
             edges = others
             regions.append(Region(Kind.OBSTACLE, shapely.Polygon(edge), label or EDGE))
+    regions += [Region(Kind.OBSTACLE, shapely.Polygon(hole), label) for _, holes, label in sides for hole in holes]
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
     walls, told = _walls(features, beside, name)

@@ -170,9 +170,6 @@ class Beside:
         """Return the regions of a feature, none if it is no region; ``number`` is the first one's."""
         given, role = feature.properties.get("region"), role_of(feature, self.choice)
         label = label_of(feature)
-        if given is None and role is Role.EDGE:
-            islands = (hole for surface in self._surfaces(feature) for hole in surface.interiors)
-            return [Region(Kind.OBSTACLE, shapely.Polygon(hole), label) for hole in islands]
         if given is None and (role not in AREAS or self._is_line(feature)):
             return []
         where = f"{self.name}: region {label!r}" if label else f"{self.name}: region {number}"
@@ -193,20 +190,16 @@ class Beside:
             found += [Region(kind, polygon, label, side) for ring in rings for polygon in self._polygons(ring, where)]
         return found
 
-    def edges(self, feature: Feature) -> list[FloatArray]:
-        """Return the lines of a feature in the plane if it is an edge, none else."""
+    def edges(self, feature: Feature) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Return the lines of an edge in the plane, of its areas, which are street, the outlines, and islands in these; of others none."""
         if self._is_line(feature) or role_of(feature, self.choice) is not Role.EDGE:
-            return []
-        outlines = [np.asarray(surface.exterior.coords) for surface in self._surfaces(feature)]
-        return self._lines(feature, flat(feature.geometry)) + outlines
-
-    def _surfaces(self, feature: Feature) -> list[shapely.Polygon]:
-        """Return the areas of an edge: what they bound is the street, and their holes are islands."""
-        where = f"{self.name}: edge {label_of(feature)!r}"
+            return [], []
         areas = [rings for geometry in flat(feature.geometry) for rings in _rings(geometry, closed_lines=False) or ()]
-        if areas:
-            self._check_system(feature, where)
-        return [polygon for rings in areas for polygon in self._polygons(rings, where)]
+        where = self._named(feature, areas)
+        surfaces = [polygon for rings in areas for polygon in self._polygons(rings, where)]
+        outlines, islands = [surface.exterior for surface in surfaces], [hole for surface in surfaces for hole in surface.interiors]
+        drawn, holes = ([np.asarray(ring.coords) for ring in rings] for rings in (outlines, islands))
+        return self._lines(feature, flat(feature.geometry)) + drawn, holes
 
     def open_lines(self, feature: Feature) -> list[FloatArray]:
         """Return the lines of a feature in the plane that should be an area and are not closed."""
@@ -216,11 +209,16 @@ class Beside:
         return self._lines(feature, drawn)
 
     def _lines(self, feature: Feature, geometries: list[Json]) -> list[FloatArray]:
+        lines = [geometry for geometry in geometries if geometry["type"] in LINES]
+        where = self._named(feature, lines)
+        return [self._placed(coordinates_of(part, where), where) for geometry in lines for part in parts_of(geometry, where)]
+
+    def _named(self, feature: Feature, read: list[Any]) -> str:
+        """Return what messages call a feature, of which this is ``read``: in the system of the line."""
         where = f"{self.name}: {role_of(feature, self.choice)} {label_of(feature)!r}"
-        lines = [part for geometry in geometries if geometry["type"] in LINES for part in parts_of(geometry, where)]
-        if lines:
+        if read:
             self._check_system(feature, where)
-        return [self._placed(coordinates_of(part, where), where) for part in lines]
+        return where
 
     def _is_line(self, feature: Feature) -> bool:
         return any(feature.geometry is line for line in self.lines)
