@@ -18,6 +18,7 @@ from hdvplan.road.pieces import BACK
 OPEN_M = 20.0  # room to either side of a road that has obstacles but no widths; polygons further away do not count
 OPEN_SPACING_M = 0.5
 EDGE = "edge"  # what one without a name is called
+_EDGES = (EDGE, "kerb", "curb")  # words in the names of what is one
 SPUR_M = 0.01  # as thick is a wall that is drawn without any width
 _ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
 
@@ -68,8 +69,10 @@ class Region:
 
 
 def called(label: str) -> str:
-    """Return what a sentence calls the obstacle with this label, "" where it has none."""
-    return f"the obstacle {label!r}" if label else "an obstacle"
+    """Return what a sentence calls the obstacle with this label, "" where it has none: edges bound legs as obstacles, and stay edges."""
+    words = label.casefold().replace("_", " ").split()
+    what = next((word for word in _EDGES if word in words), Kind.OBSTACLE)
+    return f"the {what}" if label == what else f"the {what} {label!r}" if label else "an obstacle"
 
 
 def limit_called(side: str, binds: str | None) -> str:

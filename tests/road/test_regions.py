@@ -16,7 +16,7 @@ from hdvplan.passing import options
 from hdvplan.planning.bias import Bias
 from hdvplan.road.passages import offsets_of
 from hdvplan.road.path import ReferencePath, from_curvature, project_many
-from hdvplan.road.regions import OPEN_M, SPUR_M, Kind, Region, Side, without_spurs
+from hdvplan.road.regions import EDGE, OPEN_M, SPUR_M, Kind, Region, Side, called, without_spurs
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 
@@ -286,3 +286,17 @@ def test_what_an_edge_draws_twice_along_itself_is_no_wall() -> None:
     left, walls = without_spurs(np.array([[-10.0, 5.0], [60.0, 5.0], [40.0, 5.0], [130.0, 5.0]]))
     np.testing.assert_array_equal(left, [[-10.0, 5.0], [40.0, 5.0], [130.0, 5.0]])
     assert walls == []
+
+
+@pytest.mark.parametrize(
+    ("label", "said"),
+    [
+        ("", "an obstacle"),
+        ("hedge", "the obstacle 'hedge'"),
+        (EDGE, "the edge"),
+        ("EDGE_LEFT", "the edge 'EDGE_LEFT'"),
+        ("far kerb", "the kerb 'far kerb'"),
+    ],
+)
+def test_what_bounds_legs_is_called_what_it_is(label: str, said: str) -> None:
+    assert called(label) == said
