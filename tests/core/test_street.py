@@ -327,3 +327,14 @@ def test_a_wall_across_the_street_counts_near_it_alone_and_on_both_sides_alike(a
         assert inside == np.inf
     else:
         assert inside == pytest.approx(1.0 - 0.5 * BUS.width, abs=NEAR)  # back beside the wall, not away from it
+
+
+@pytest.mark.parametrize("heading", [0.5, 0.7])
+def test_a_kerb_that_is_straight_but_for_jitter_leads_a_side_no_further_than_the_bodys_corner(heading: float) -> None:
+    x = np.arange(-30.0, 30.0, 0.1)
+    jitter = np.random.default_rng(1).uniform(-0.004, 0.004, len(x))
+    pose = standing(0.0, 2.0 - BUS.lead.front * np.sin(heading), heading)  # its front corners about a metre beyond the kerb at most
+    streets = (street_of(Kerb(np.stack([x, 2.0 + y], axis=1), x, left=True)) for y in (0.0 * x, jitter))
+    plain, torn = (float(np.min(look(street, BUS, np.zeros(1), pose)["at"]["gap"][..., 0, :])) for street in streets)
+    assert plain < 0.0
+    assert plain - 0.005 - 0.06 * abs(plain) < torn < plain + 0.005  # a side is led at up to 18 degrees to the kerb
