@@ -45,7 +45,7 @@ class StepTimes:
     solve: float = 0.0
     check: float = 0.0
     total: float = 0.0  # of the step
-    aside: float = 0.0  # no part of the step: copying the program for a foreign solver, a solver's failed attempt
+    aside: float = 0.0  # no part of the step: copying the program for a foreign solver
     cpu: float = 0.0  # processor time of the step, all threads, without what is aside
 
 

@@ -64,7 +64,7 @@ class QpResult(NamedTuple):
     iterations: int
     update_time: float  #: time to hand over the values [s]
     solve_time: float  #: time of the solver's call and of reading the result [s]
-    time_aside: float = 0.0  #: time that is no part of a planning step: copying for a foreign solver, another's failed attempt [s]
+    time_aside: float = 0.0  #: time that is no part of a planning step: copying for a foreign solver [s]
     cpu_aside: float = 0.0  #: processor time of the same [s]
     leaves_guess: bool = True  #: False: no inequality has a multiplier, and the point is no help for the next solve
     reason: str = ""  #: the solver's reason for a failure
@@ -153,7 +153,7 @@ class Judge:
         return self.judged(qp, guess, partial(residuals, qp))
 
     def judged(self, qp: StageQp, guess: StageSolution | None, judge: Judging) -> QpResult:
-        """Solve ``qp``, and let another solver do it where ``judge`` refuses the point. Only the time of who answers counts as solving.
+        """Solve ``qp``, and let another solver do it where ``judge`` refuses the point. The time of both counts: the caller waits for both.
 
         Raises:
             Exception: without a second solver, whatever the first one raises.
@@ -180,7 +180,7 @@ class Judge:
             point.x[:] = np.nan
             judge(point)
             return QpResult(Status.FAILED, point, 0, lost.clock, 0.0, reason=f"{why}; {second.name}: {again}")
-        return rescued.beside(lost)._replace(instead=f"{why}; solved by {second.name}")
+        return rescued._replace(update_time=rescued.update_time + lost.clock, instead=f"{why}; solved by {second.name}")
 
     def _asked(self, qp: StageQp, guess: StageSolution | None, judge: Judging) -> tuple[QpResult | None, str]:
         """Return the first solver's result, and why it is refused: nothing where it is not."""

@@ -76,6 +76,7 @@ def test_a_solver_that_did_not_answer_is_not_asked_again() -> None:
     began = perf_counter()
     found = driven(backed(Fake("sleeping"), RiccatiWorkspace, limit_s=LIMIT_S))
     assert perf_counter() - began < 3600.0  # what it sleeps
+    assert found.plans[0].times.total > LIMIT_S  # who asks for a plan has waited for both solvers
     assert {plan.instead for plan in found.plans} == {f"no answer within {LIMIT_S:g} s; solved by riccati"}
 
 
