@@ -7,7 +7,8 @@ parse text.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 
 class HdvplanError(Exception):
@@ -54,6 +55,21 @@ class VehicleError(EntryError):
 
 class OptionError(EntryError):
     """A setting outside its range, or two settings that contradict each other."""
+
+
+@contextmanager
+def refused_in(where: str) -> Iterator[None]:
+    """Say of an entry that the block refuses where it belongs; ``where`` is empty where that goes without saying.
+
+    Raises:
+        EntryError: it is refused.
+
+    """
+    try:
+        yield
+    except EntryError as error:
+        error.args = (f"{where}: {error}",) if where else error.args
+        raise
 
 
 class QpDataError(HdvplanError):

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from hdvplan.case import content_digest
-from hdvplan.errors import OptionError, RoadError, VehicleError
+from hdvplan.errors import OptionError, RoadError, VehicleError, refused_in
 from hdvplan.plugins import digest_of
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.scenarios import SCENARIOS, shipped_roads
 from hdvplan.texts import did_you_mean, printable
 from hdvplan.vehicle.load import load_vehicle
-from hdvplan.vehicle.model import Unit, Vehicle, refused_in
+from hdvplan.vehicle.model import Unit, Vehicle
 
 MOST = 100_000  # values of one parameter, variants of one vehicle, combinations of settings
 _SEVERAL = (".shp", ".tab", ".mif")  # of which each consists of several files

@@ -9,11 +9,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Literal
 
-from hdvplan.errors import VehicleError
+from hdvplan.errors import VehicleError, refused_in
 from hdvplan.lengths import METRES
 from hdvplan.schema import parse_toml, read, read_text
 from hdvplan.texts import did_you_mean, printable
-from hdvplan.vehicle.model import Unit, Vehicle, refused_in
+from hdvplan.vehicle.model import Unit, Vehicle
 from hdvplan.vehicle.turns import tightest
 
 _DECIMAL_COMMA = re.compile(r"^\s*\w+\s*=\s*[+-]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
@@ -103,7 +103,9 @@ def read_vehicle(source: str | Path) -> tuple[Vehicle, str | None]:
         VehicleError: as ``load_vehicle``.
 
     """
-    vehicle, lead = _parsed(vehicle_text(source), Path(source).stem if _is_file(source) else str(source))
+    text, is_file = vehicle_text(source), _is_file(source)
+    with refused_in(str(source) if is_file else ""):
+        vehicle, lead = _parsed(text, Path(source).stem if is_file else str(source))
     if _given(lead, _TURNING):
         return vehicle, None
     least = f"{1.0 / vehicle.max_curvature:.1f} m"

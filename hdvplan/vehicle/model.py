@@ -12,8 +12,6 @@ A trailer's axle with a ``max_steering_rate`` is active: the plan steers it, and
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from numbers import Real
@@ -22,7 +20,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import Records
-from hdvplan.errors import VehicleError
+from hdvplan.errors import VehicleError, refused_in
 from hdvplan.settings import of_kind
 
 MAX_DIMENSION_M = 50.0  # no single road unit is longer; catches millimetres and feet
@@ -101,21 +99,6 @@ def _hold(unit: Unit, name: str, low: float, high: float = MAX_DIMENSION_M) -> N
     if not (np.isfinite(value) and low <= value <= high):
         msg = f"{name} = {value:g} m must lie between {low:g} and {high:g} m"
         raise VehicleError(msg, field=name, hint="dimensions are in metres")
-
-
-@contextmanager
-def refused_in(where: str) -> Iterator[None]:
-    """Say of a unit that the block makes where it belongs.
-
-    Raises:
-        VehicleError: it is refused.
-
-    """
-    try:
-        yield
-    except VehicleError as error:
-        msg = f"{where}: {error}"
-        raise VehicleError(msg, field=error.field, hint=error.hint) from error
 
 
 @dataclass(frozen=True)

@@ -105,3 +105,16 @@ def test_a_vehicle_that_hardly_steers_is_told_so_and_not_to_smooth_the_road(cli:
     assert outcome.err.splitlines()[1:] == [
         "hint: the slow steers too slowly for any way along the line: max_curvature_rate = 1e-09 1/m^2, per metre travelled"
     ]
+
+
+@pytest.mark.parametrize("command", [("plan", "uturn", "--vehicle", "fleet/b.toml"), ("study", "study.toml", "--out", "out")])
+def test_a_vehicle_that_is_refused_is_told_with_its_file(cli: Cli, five: str, command: tuple[str, ...]) -> None:
+    """In a fleet of files the name inside, of a copy often another's, says little."""
+    Path("fleet").mkdir()
+    Path("fleet/a.toml").write_text(Path(five).read_text(encoding="utf-8"), encoding="utf-8")
+    Path("fleet/b.toml").write_text(FIVE.replace("wheelbase = 4.2", "wheelbase = -4.2"), encoding="utf-8")
+    Path("study.toml").write_text('roads = ["uturn"]\nvehicles = ["fleet/*.toml"]\n', encoding="utf-8")
+    outcome = cli(*command)
+    assert outcome.code == 2
+    (line, _) = outcome.err.splitlines()
+    assert line.startswith(f"error: {Path('fleet/b.toml')}: vehicle 'road train', unit 1: wheelbase = -4.2")
