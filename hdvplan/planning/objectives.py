@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import cast
 
 import numpy as np
 
 from hdvplan import plugins
-from hdvplan.errors import HdvplanError, OptionError
+from hdvplan.errors import HdvplanError, OptionError, refused_in
 from hdvplan.planning.objective_names import check_objective, share_of
 from hdvplan.planning.settings import WEIGHTED
 from hdvplan.planning.stations import Stations
@@ -26,6 +26,7 @@ class Goal:
 
     terms: tuple[Term, ...]
     rounds: int | None = None  #: most programs of a plan that iterates; None: as in the settings
+    owner: str = ""  #: the user's objective that has made it, as messages name it; hdvplan sets it
 
 
 Objective = Callable[[Stations, Vehicle], Goal]
@@ -161,14 +162,16 @@ class _Foreign:
             OptionError: it raises, or returns something else.
 
         """
+        owner = f"objective {self.name!r}"
         try:
-            goal: object = self.own(stations, vehicle)
+            with refused_in(owner):
+                goal: object = self.own(stations, vehicle)
         except HdvplanError:
             raise
         except Exception as error:
-            msg = f"objective {self.name!r} raises {plugins.error_text(error)}"
+            msg = f"{owner} raises {plugins.error_text(error)}"
             raise OptionError(msg) from error
         if not isinstance(goal, Goal):
-            msg = f"objective {self.name!r} returns something of type {type(goal).__name__}, not a Goal"
+            msg = f"{owner} returns something of type {type(goal).__name__}, not a Goal"
             raise OptionError(msg, hint="a Goal holds terms and, of centred axles, the Centring: Goal((term,))")
-        return goal
+        return replace(goal, owner=owner)

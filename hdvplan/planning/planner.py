@@ -14,7 +14,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.errors import PlanError, SolverError
+from hdvplan.errors import OptionError, PlanError, QpDataError, SolverError, refused_in
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings, Scheme
@@ -24,6 +24,7 @@ from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.qp.workspace import ENDINGS, Judge, Moment, QpResult, Residuals, Status, WorkspaceMaker, refusal
 from hdvplan.vehicle.model import Vehicle
 
+_ROUNDED = 1e-9  # of the largest eigenvalue: sums of squares are as negative by rounding, a billionth at most
 _HORIZONS = 2  # of memory: the window of a plan is moved back once in so many
 _ARRAY = core.record("hdv_array")
 _PLANNER = core.record("hdv_planner", residuals=np.dtype((float, 3)))
@@ -106,10 +107,11 @@ class Planner:
 
     def __init__(self, vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings, make_workspace: WorkspaceMaker) -> None:
         """Prepare the memory of all steps of a drive."""
-        scene, parts = assemble(vehicle, stations, goal, settings, _HORIZONS * (settings.stages + 1))
-        if not all(isinstance(part, CorePart) for part in parts):  # a part in Python sees its window where the memory begins
-            scene, parts = assemble(vehicle, stations, goal, settings)
-        self._scene, self._parts = scene, parts
+        with refused_in(goal.owner):
+            scene, parts = assemble(vehicle, stations, goal, settings, _HORIZONS * (settings.stages + 1))
+            if not all(isinstance(part, CorePart) for part in parts):  # a part in Python sees its window where the memory begins
+                scene, parts = assemble(vehicle, stations, goal, settings)
+        self._scene, self._parts, self._owner = scene, parts, goal.owner
         shape = replace(scene.qp.shape, stages=settings.stages)
         workspace = make_workspace(shape)
         self._judge = workspace if isinstance(workspace, Judge) else Judge(workspace)
@@ -173,6 +175,8 @@ class Planner:
                 stop, result = _iterate(self._address), None
                 continue
             result = self._solved(times, refused=stop == _REFUSED)
+            if self._owner and (result.instead or result.status is Status.FAILED):
+                self._check_objective(first)
             instead, iterations = result.instead or instead, iterations + result.iterations
             stop = _accept(self._address, result.point.address_for(self._program.shape), result.leaves_guess)
             if result.leaves_guess and own["usable"]:
@@ -180,7 +184,8 @@ class Planner:
         for part in self._python:  # what it has raised while the core called it
             raised, part.raised = part.raised, None
             if raised is not None:
-                raise raised
+                with refused_in(self._owner):
+                    raise raised
         step = _Outcome._make(self._outcome.item())
         if stop == _LOST:
             raise self._footless(first + step.lost)
@@ -223,6 +228,20 @@ class Planner:
         times.cpu -= result.cpu_aside
         times.solve += result.solve_time
         return result
+
+    def _check_objective(self, station: int) -> None:
+        """Refuse a program that was failed at because of a user's objective: its terms are not finite, or not convex."""
+        place, program = f"{self._owner}, in the plan at s = {self._scene.stations.s[station]:z.1f} m", self._program
+        try:
+            program.check()
+        except QpDataError as error:
+            msg = f"{place}: {error}"
+            raise OptionError(msg, hint="no solver can help: look for NaN and infinity in the objective's terms") from error
+        for name, part in (("Q", program.Q), ("R", program.R)):
+            values = np.linalg.eigvalsh(part)
+            if values.min() < -_ROUNDED * values.max():
+                msg = f"{place}: its terms are not convex: {name} has the eigenvalue {values.min():.3g}"
+                raise OptionError(msg, hint="no solver of convex programs can help: a term's second derivative must not be negative")
 
     def _judged(self, point: StageSolution) -> Residuals:
         """Return the residuals of a point, by the program that no solver can write to."""

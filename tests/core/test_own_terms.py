@@ -6,7 +6,7 @@ import ctypes
 import shutil
 import subprocess
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,10 @@ from hdvplan.planning.objectives import Goal, geometric
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Residual
-from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
+from hdvplan.planning.terms.term import Columns, CorePart, Horizon, Scene, Term, core_functions
 from hdvplan.vehicle.model import Vehicle
 from tests.docs.blocks import blocks_of
+from tests.fakes import Fake
 
 BLOCKS = blocks_of((Path(__file__).parents[2] / "docs" / "extending.md").read_text(encoding="utf-8"))
 (MODULE,) = (block.body for block in BLOCKS if block.body.startswith('"""Small articulation'))
@@ -110,14 +111,15 @@ def test_whatever_a_term_in_python_does_wrong_is_one_error(
     assert run(["plan", "uturn", "--objective", "mine.py:wrong", *arguments]) == 2
     said = capfd.readouterr().err
     (line,) = (line for line in said.splitlines() if line.startswith("error: "))
-    assert line.startswith(f"error: term {words}")
+    assert line.startswith(f"error: objective 'mine.py:wrong': term {words}")
     assert "Traceback" not in said
     assert "Exception ignored" not in said  # of what a callback returns
 
 
 def test_coefficients_of_too_few_stations_are_refused() -> None:
     short = np.ones(3)
-    with pytest.raises(OptionError, match=r"a residual has one coefficient a station, in arrays of shape \(\d+,\), not \(3,\)"):
+    words = r"^objective '.*with_term.*': a residual has one coefficient a station, in arrays of shape \(\d+,\), not \(3,\)"
+    with pytest.raises(OptionError, match=words):
         hdvplan.plan(replace(CASE, objective=with_term(Centring(Residual(short, short, short)))))
     with pytest.raises(OptionError, match=r"not \(\), \(\), \(\)"):
         hdvplan.plan(replace(CASE, objective=with_term(Centring(Residual(1.0, 0.0, 0.0)))))  # type: ignore[arg-type] # what people write
@@ -141,3 +143,50 @@ def test_an_aim_that_is_no_number_is_refused() -> None:
 
     with pytest.raises(OptionError, match="the aim of a balance is not finite"):
         hdvplan.plan(replace(CASE, objective=objective))
+
+
+def of_heading(weight: float) -> Callable[[Stations, Vehicle], Goal]:
+    """Return the geometric objective, and the square of the heading error at a weight."""
+
+    @dataclass(frozen=True)
+    class HeadingPart:
+        scene: Scene
+        memory: tuple[()] = ()
+        violation: float = 0.0
+
+        def extend(self, _: Horizon, begin: int) -> int:
+            stages, z = self.scene.qp.stages[begin:], self.scene.motion.z[begin:]
+            stages["Q"][:, 1, 1] += 2.0 * weight
+            stages["q"][:, 1] += 2.0 * weight * z[:, 1]
+            return -1
+
+        def linearise(self, horizon: Horizon) -> int:
+            return self.extend(horizon, 1)
+
+        def price(self, _: Horizon) -> float:
+            return weight * float(np.sum(self.scene.motion.z[1:, 1] ** 2))
+
+    class Heading(Term):
+        def part(self, scene: Scene, columns: Columns) -> HeadingPart:  # noqa: ARG002 - a protocol's method
+            return HeadingPart(scene)
+
+    return with_term(Heading())
+
+
+@pytest.mark.parametrize(
+    ("weight", "solver", "words"),
+    [
+        (np.nan, "riccati", "the QP holds a value that is not finite in 'Q'"),
+        (np.nan, "piqp", "the QP holds a value that is not finite in 'Q'"),
+        (-100.0, "riccati", "its terms are not convex: Q has the eigenvalue -"),  # where piqp finds a point that is stationary
+    ],
+)
+def test_an_objective_that_solvers_fail_at_is_named_and_no_solver_is_blamed(weight: float, solver: str, words: str) -> None:
+    with pytest.raises(OptionError, match=rf"^objective '.*', in the plan at s = \d+\.\d m: {words}") as raised:
+        hdvplan.plan(replace(CASE, objective=of_heading(weight), solver=solver))
+    assert "no solver" in str(raised.value.hint)
+
+
+def test_a_solver_that_fails_at_a_convex_objective_of_one_s_own_is_rescued() -> None:
+    found = hdvplan.plan(replace(CASE, objective=of_heading(1.0), solver=Fake("raising")))
+    assert len(found.rescued) == len(found.drive.plans)
