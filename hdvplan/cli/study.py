@@ -127,6 +127,8 @@ def study(
     if not quiet:
         for text, count in results.notes().most_common(_REASONS):
             note(f"{_cells(count)}: {text}")
+    if rescued := results.rescued():
+        warn(f"{_cells(rescued)} with steps that the solver failed at and another one planned: column rescued_steps", quiet=quiet)
     if results.unanswered:
         why = results.reasons()
         told = [f"{count} {ending}: {reason}" for (ending, reason), count in why.most_common(_REASONS)]

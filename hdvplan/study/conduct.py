@@ -44,14 +44,18 @@ class Results:
 
     def reasons(self) -> Counter[tuple[str, str]]:
         """Return why cells have no answer: pairs of ending and reason, each with its number of cells."""
-        both = zip(self._texts("outcome"), self._texts("reason"), strict=True)
+        both = zip(self._column("outcome"), self._column("reason"), strict=True)
         return Counter((str(outcome), str(reason)) for outcome, reason in both if outcome in (REFUSED, *UNANSWERED))
 
     def notes(self) -> Counter[str]:
         """Return what was noted of roads, each with its number of cells: layers that are not read, kerbs that are bridged."""
-        return Counter(note for notes in self._texts("notes") for note in (notes or "").splitlines())
+        return Counter(note for notes in self._column("notes") for note in (notes or "").splitlines())
 
-    def _texts(self, column: str) -> Iterator[str | None]:
+    def rescued(self) -> int:
+        """Return in how many cells another solver planned steps that the cell's own one failed at."""
+        return sum(map(bool, self._column("rescued_steps")))
+
+    def _column(self, column: str) -> Iterator[Any]:
         import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
 
         for batch in pq.ParquetFile(self.folder / CELLS).iter_batches(columns=[column]):
@@ -163,8 +167,10 @@ def _refuse_others(folder: Path) -> None:
         raise OptionError(msg, hint="choose another folder with --out")
     there = next((name for name in (*_OURS, RECORD) if os.path.lexists(folder / name)), None)
     if there is not None and not _sessions(folder):
-        msg = f"{folder} holds {there}, which is not of a study"
-        raise OptionError(msg, hint="choose another folder with --out, or move it")
+        damaged = os.path.lexists(folder / RECORD)
+        msg = f"{folder / RECORD} is damaged, or not of a study" if damaged else f"{folder} holds {there}, which is not of a study"
+        back = f"put back {RECORD} from a copy, or " if damaged else ""
+        raise OptionError(msg, hint=f"{back}choose another folder with --out, or move it")
 
 
 def _sessions(folder: Path) -> list[Json]:

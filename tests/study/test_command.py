@@ -75,6 +75,14 @@ def test_what_is_noted_of_roads_is_said_with_its_cells(cli: Cli, study_file: Pat
     assert (outcome.code, outcome.err) == (0, "2 cells: half: no edge on the right: it is open to 20 m\n")
 
 
+def test_cells_that_another_solver_planned_are_counted(cli: Cli, study_file: Path) -> None:
+    Path("faulty.py").write_text(FAULTY, encoding="utf-8")
+    study_file.write_text(STUDY.replace("settings", 'solvers = ["riccati", "faulty.py:Raising"]\nsettings'), encoding="utf-8")
+    outcome = cli("study", "study.toml", "--out", "out", "--workers", "1", "--json")
+    assert outcome.code == 0
+    assert outcome.err == "warning: 4 cells with steps that the solver failed at and another one planned: column rescued_steps\n"
+
+
 def test_refused_cells_have_no_answer_and_say_why(cli: Cli, study_file: Path) -> None:
     Path("negative.csv").write_text("x,y,left,right\n0,0,3,-3\n30,0,3,-3\n60,0,3,-3\n", encoding="utf-8")
     study_file.write_text('roads = ["negative.csv"]\nvehicles = ["bus"]\n', encoding="utf-8")

@@ -40,6 +40,13 @@ class KillingOnce(RiccatiWorkspace):
             os.kill(os.getpid(), signal.SIGKILL)
         super().__init__(shape)
 
+class Raising:
+    name, starts_warm = "raising", False
+    def __init__(self, shape):
+        pass
+    def solve(self, qp, guess):
+        raise RuntimeError("no licence")
+
 class Leaving:
     name, starts_warm = "leaving", False
     def __init__(self, shape):

@@ -285,9 +285,12 @@ def test_progress_counts_what_was_kept(folder: Path, tiny: Entries) -> None:
 )
 def test_a_folder_of_others_is_refused(folder: Path, tiny: Entries, name: str, content: bytes) -> None:
     (folder / "out").mkdir()
+    (folder / "out" / "cells.parquet").write_bytes(b"mine")
     (folder / "out" / name).write_bytes(content)
-    with pytest.raises(OptionError, match=f"holds {name}, which is not of a study"):
+    damaged = r"study\.json is damaged, or not of a study"
+    with pytest.raises(OptionError, match=damaged if name == "study.json" else f"holds {name}, which is not of a study") as raised:
         _run(folder, tiny)
+    assert ("put back study.json from a copy" in str(raised.value.hint)) == (name == "study.json")
 
 
 @pytest.mark.parametrize("columns", [None, {"mine": [1]}, {"key": ["\u00e4"], "outcome": ["planned"]}])
