@@ -130,7 +130,7 @@ def judge(
     drawn = f"`hdvplan judge {directory}/loop_worst.csv ...` draws the worst one"
     report_error(
         loop_text(runs),
-        f"loop.csv has all runs; {'loop_worst.csv is where the worst one was' if runs.results[runs.worst] is None else drawn}",
+        f"loop.csv has all runs; {'loop_worst.csv is where the worst one was' if runs.results[runs.worst - 1] is None else drawn}",
     )
     return ExitCode.BROKEN
 

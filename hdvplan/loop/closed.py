@@ -27,7 +27,7 @@ _NEWTON = 3  # steps towards the place beside the front axle
 
 @dataclass(frozen=True)
 class Driven:
-    """What followers did, at every step: (steps, runs). NaN from a run's end on."""
+    """What followers did, at every step: (steps, runs). NaN from a run's end on. Methods take a run's number, from 1."""
 
     wheels: FloatArray  #: angle of the front wheels [rad]
     way: FloatArray  #: of the front axle along its track [m]
@@ -38,23 +38,23 @@ class Driven:
 
     def error(self, run: int) -> float:
         """Return the largest offset of a run [m]."""
-        return float(np.nanmax(np.abs(self.offset[:, run])))
+        return float(np.nanmax(np.abs(self.offset[:, run - 1])))
 
     def length(self, run: int) -> float:
         """Return its tracking length: its largest offset over the largest change of it [m]; infinite where the offset never changes."""
-        slope = float(np.nanmax(np.abs(np.diff(self.offset[:, run]) / np.diff(self.way[:, run]))))
+        slope = float(np.nanmax(np.abs(np.diff(self.offset[:, run - 1]) / np.diff(self.way[:, run - 1]))))
         return self.error(run) / slope if slope > 0.0 else np.inf
 
     def path(self, run: int) -> GivenPath:
         """Return what a run drove."""
-        own = np.isfinite(self.offset[:, run])
-        return GivenPath(self.rear[own, run], self.heading[own, run])
+        own = np.isfinite(self.offset[:, run - 1])
+        return GivenPath(self.rear[own, run - 1], self.heading[own, run - 1])
 
     def frame(self, run: int) -> pd.DataFrame:
         """Return a run as a table, which can be judged as a path of one's own: time [s], rear axle and offset [m], angles [rad]."""
-        own, path = np.isfinite(self.offset[:, run]), self.path(run)
+        own, path = np.isfinite(self.offset[:, run - 1]), self.path(run)
         columns = {"t": STEP_S * np.flatnonzero(own), "x": path.points[:, 0], "y": path.points[:, 1], "heading": path.heading}
-        return pd.DataFrame(columns | {"way": self.way[own, run], "offset": self.offset[own, run], "wheels": self.wheels[own, run]})
+        return pd.DataFrame(columns | {name: getattr(self, name)[own, run - 1] for name in ("way", "offset", "wheels")})
 
 
 def followed_by(track: Track, follower: Follower, settings: LoopSettings) -> Driven:
@@ -129,29 +129,29 @@ class ClosedLoop:
 
     @property
     def worst(self) -> int:
-        """The run with the least room to spare; without limits that with the largest error."""
+        """The number, from 1, of the run with the least room to spare; without limits of that with the largest error."""
 
         def rank(run: int) -> tuple[float, float]:
-            verdict = self.verdicts[run]
+            verdict = self.verdicts[run - 1]
             spare = -np.inf if verdict is None else np.inf if verdict.spare is None else verdict.spare
             return spare, -self.driven.error(run)
 
-        return min(range(len(self.results)), key=rank)
+        return min(range(1, len(self.results) + 1), key=rank)
 
     @property
     def frame(self) -> pd.DataFrame:
         """A row for each run: gain, error and tracking length [m], whether it fits, the least room and where, whether it lost the path."""
         gains, rows = self.settings.gains, []
-        for run, verdict in enumerate(self.verdicts):
+        for run, verdict in enumerate(self.verdicts, start=1):
             fits, *place = (False, None, None, None) if verdict is None else (verdict.fits, verdict.spare, verdict.s, verdict.side)
-            rows.append((run + 1, gains[run], self.driven.error(run), self.driven.length(run), fits, *place, self.driven.lost[run]))
+            rows.append((run, gains[run - 1], self.driven.error(run), self.driven.length(run), fits, *place, self.driven.lost[run - 1]))
         return pd.DataFrame(rows, columns=["run", "gain", "error_m", "length_m", "fits", "spare_m", "s_m", "side", "lost"])
 
 
 def loop_text(loop: ClosedLoop) -> str:
     """Return the answer in one sentence: how many runs keep the street, what the worst one leaves and where, and how far they stray."""
-    runs, driven, worst, verdict = len(loop.results), loop.driven, loop.worst, loop.verdicts[loop.worst]
-    errors = [driven.error(run) for run in range(runs) if not driven.lost[run]]
+    runs, driven, worst, verdict = len(loop.results), loop.driven, loop.worst, loop.verdicts[loop.worst - 1]
+    errors = [driven.error(run) for run, lost in enumerate(driven.lost, start=1) if not lost]
     strays = f"the front axle strays by {np.median(errors):.2f} m in the median run, by {max(errors):.2f} m at most" if errors else ""
     losing = f"{sum(driven.lost)} lose the path: they were {_LOST_M:.0f} m beside it or turned by 90 degrees" if any(driven.lost) else ""
     if loop.fits is None:
@@ -159,15 +159,15 @@ def loop_text(loop: ClosedLoop) -> str:
     found = f"in a closed loop {loop.kept} of {runs} runs keep the street"
     if verdict is not None and verdict.spare is not None:
         room = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.fits else 'lacking'}"
-        found = f"{found}; run {worst + 1} is the worst, {room} ({verdict.side}, s = {verdict.s:z.1f} m)"
-    elif not driven.lost[worst]:
-        found = f"{found}; run {worst + 1} cannot be judged: it leaves the road"
+        found = f"{found}; run {worst} is the worst, {room} ({verdict.side}, s = {verdict.s:z.1f} m)"
+    elif not driven.lost[worst - 1]:
+        found = f"{found}; run {worst} cannot be judged: it leaves the road"
     return "; ".join(filter(None, (found, losing, strays)))
 
 
 def loop_json(loop: ClosedLoop) -> dict[str, object]:
     """Return the answer, begun by its word where there are limits, and the worst run, under the names that other programs read."""
-    text, worst = loop_text(loop), loop.frame.astype(object).where(loop.frame.notna(), None).iloc[loop.worst].to_dict()
+    text, worst = loop_text(loop), loop.frame.astype(object).where(loop.frame.notna(), None).iloc[loop.worst - 1].to_dict()
     told = text if loop.fits is None else worded(word_of(loop.fits), text)
     return {"text": told, "fits": loop.fits, "runs": len(loop.results), "kept": None if loop.fits is None else loop.kept, "worst": worst}
 
@@ -200,8 +200,8 @@ def closed_loop(result: Result, follower: str | Follower = "driver", settings: L
 
     def judged(run: int) -> Result | None:
         try:
-            return None if driven.lost[run] else api.judge(case, driven.path(run))
+            return None if driven.lost[run - 1] else api.judge(case, driven.path(run))
         except HdvplanError:  # it left the road, or steered beyond what is a path: no run to be judged
             return None
 
-    return ClosedLoop(settings, driven, tuple(judged(run) for run in range(len(driven.lost))))
+    return ClosedLoop(settings, driven, tuple(judged(run) for run in range(1, len(driven.lost) + 1)))

@@ -50,7 +50,7 @@ def circle(tmp_path: Path) -> Result:
 def test_a_follower_that_knows_the_path_drives_it_where_nothing_errs(tmp_path: Path, follower: str, vehicle: str) -> None:
     result = result_on(tmp_path, "0,0\n30,0\n50,0.04\n70,0.04\n90,0\n130,0", vehicle)
     loop = closed_loop(result, follower, _EXACT)
-    assert loop.driven.error(0) < _MISSED_M[follower]
+    assert loop.driven.error(1) < _MISSED_M[follower]
     assert repr(loop).startswith("<ClosedLoop: in a closed loop ")  # what a notebook shows
     assert loop.verdicts[0] is not None
     assert loop.verdicts[0].spare == pytest.approx(
@@ -60,8 +60,8 @@ def test_a_follower_that_knows_the_path_drives_it_where_nothing_errs(tmp_path: P
 
 def test_a_driver_who_knows_the_delay_looks_past_it_and_a_controller_does_not(bend: Result) -> None:
     late = replace(_EXACT, delay=6 * STEP_S)
-    assert closed_loop(bend, "driver", late).driven.error(0) < _MISSED_M["driver"]  # as without: the wheels turn at the right place
-    assert closed_loop(bend, "stanley", late).driven.error(0) > 10 * _MISSED_M["stanley"]
+    assert closed_loop(bend, "driver", late).driven.error(1) < _MISSED_M["driver"]  # as without: the wheels turn at the right place
+    assert closed_loop(bend, "stanley", late).driven.error(1) > 10 * _MISSED_M["stanley"]
 
 
 @pytest.mark.parametrize("gain", [0.9, 1.1])
@@ -89,7 +89,9 @@ def test_the_worst_run_is_the_one_with_the_least_room_and_none_of_it_is_clearanc
     asked = replace(bend, case=replace(bend.case, settings=replace(bend.case.settings, clearance=5.0)))
     loop = closed_loop(asked)
     assert loop.fits
-    assert loop.worst == loop.frame["spare_m"].idxmin()
+    assert loop.worst == loop.frame.set_index("run")["spare_m"].idxmin()
+    assert f"run {loop.worst} is the worst" in repr(loop)
+    assert loop.driven.error(loop.worst) == loop.frame.set_index("run")["error_m"][loop.worst]
 
 
 def away(track: Track, seen: Seen) -> FloatArray:
@@ -102,7 +104,7 @@ def test_wheels_turn_no_faster_than_the_vehicle_steers(bend: Result) -> None:
         return track.at(track.wheels, seen.way) + (0.3 if round(seen.time / seen.step) % 2 else -0.3)
 
     driven = closed_loop(bend, dithering, _EXACT).driven
-    frame, wheelbase = driven.frame(0), bend.drive.vehicle.lead.wheelbase
+    frame, wheelbase = driven.frame(1), bend.drive.vehicle.lead.wheelbase
     rear = np.hypot(np.diff(frame["x"]), np.diff(frame["y"]))
     rate = np.abs(np.diff(np.tan(frame["wheels"].to_numpy()) / wheelbase)) / rear
     assert rate.max() == pytest.approx(
