@@ -24,7 +24,7 @@ from hdvplan.errors import QpDataError
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.plugins import error_text, raised_at
 from hdvplan.qp.program import NAMES, StageQp, StageSolution
-from hdvplan.qp.workspace import QpWorkspace, Status, WorkspaceMaker, residuals
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker, residuals
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.registry import is_foreign
 from hdvplan.solvers.riccati import RiccatiWorkspace
@@ -34,6 +34,7 @@ AGREE_M = 1e-3  # largest difference of a state or input from the reference's [m
 PRIMAL = 1e-3  # residuals up to which a claim to have solved is honest: primal as a planning step demands it [m, rad, 1/m],
 DUAL = 1e-2  # of the Lagrangian's gradient, of which rows are worth 1e4 a metre
 SOLVED = 0.9  # share of the programs that must be solved
+_HAS_POINT = (Status.SOLVED, Status.INACCURATE)  # what is said of a point that is meant to be used
 _HORIZON_M = 30.0
 _EACH = 6  # programs of a drive in which limits play the same role
 # A U-turn that needs 2.49 m (bus) or 2.79 m (tractor-trailer) on either side: limits off, inactive, binding, unkeepable.
@@ -112,7 +113,7 @@ def _found(rule: Rule, make: WorkspaceMaker) -> Finding:
 
 def same_optimum(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
     """The optimum is the reference's, with limits off, inactive, binding and unkeepable."""
-    far = [distance(workspace.solve(each.qp, None).point, each.point) for workspace, each in _each(make, programs)]
+    far = [_far(make, each, workspace.solve(each.qp, None)) for workspace, each in _each(make, programs)]
     most = {role: max([0.0, *(one for one, each in zip(far, programs, strict=True) if each.limits == role)]) for role in LIMITS}
     parts = ", ".join(f"{limits} {value:.1e}" for limits, value in most.items())
     return _agreeing(same_optimum, far, programs, f"differs by at most {parts}")
@@ -120,27 +121,28 @@ def same_optimum(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
 
 def honest_status(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
     """What is called solved has small residuals, and most programs are solved."""
-    primal, dual, unsolved = 0.0, 0.0, list[str]()
-    for workspace, each in _each(make, programs):
+    primal, dual, unsolved = 0.0, 0.0, list[int]()
+    for number, (workspace, each) in enumerate(_each(make, programs)):
         result = workspace.solve(each.qp, None)
         if result.status is Status.SOLVED:
             judged = residuals(each.qp, result.point)
             primal, dual = _worse(primal, judged.primal), _worse(dual, judged.dual)
         else:
-            unsolved.append(each.limits)
+            unsolved.append(number)
     solved = len(programs) - len(unsolved)
     kept = primal <= PRIMAL and dual <= DUAL and solved > SOLVED * len(programs)
     said = f"{solved} of {len(programs)} solved, primal {primal:.1e}, dual {dual:.1e}"
-    if not kept:
-        left = "".join(f"; with limits {role} {unsolved.count(role)} are not" for role in LIMITS if role in unsolved)
-        said += f" (more than {SOLVED:.0%} must be, at most {PRIMAL:g} and {DUAL:g}{left})"
+    said += "" if kept else f" (more than {SOLVED:.0%} must be, at most {PRIMAL:g} and {DUAL:g})"
+    for role in LIMITS:
+        if left := [number for number in unsolved if programs[number].limits == role]:
+            said += f"; not solved: {len(left)} with limits {role}, first samples()[{left[0]}]"
     return Finding(_title(honest_status), kept, said)
 
 
 def update_equals_fresh(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
     """A workspace that solved other programs before finds what a new one finds."""
     far = [
-        distance(workspace.solve(each.qp, None).point, make(each.qp.shape).solve(each.qp, None).point)
+        _far(make, each, workspace.solve(each.qp, None), make(each.qp.shape).solve(each.qp, None))
         for workspace, each in _each(make, programs)
     ]
     return _agreeing(update_equals_fresh, far, programs)
@@ -155,8 +157,7 @@ def guess_changes_only_the_way(make: WorkspaceMaker, programs: Sequence[Recorded
         wrong.row_points["multiplier"] += 1.0
         for guess in (each.guess, each.point.copy(), wrong):
             before = None if guess is None else guess.copy()
-            point = workspace.solve(each.qp, guess).point
-            far[number] = max(far[number], distance(point, each.point))
+            far[number] = max(far[number], _far(make, each, workspace.solve(each.qp, guess)))
             touched |= guess is not None and before is not None and not _same(guess, before)
     found = _agreeing(guess_changes_only_the_way, far, programs)
     return replace(found, kept=False, said=f"{found.said}, and guesses are written to") if touched else found
@@ -164,17 +165,17 @@ def guess_changes_only_the_way(make: WorkspaceMaker, programs: Sequence[Recorded
 
 def unsolvable_is_said(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
     """A program that has no point is not called solved, and leaves nothing to the next one."""
-    far, claimed, count = [0.0] * len(programs), 0, 0
+    far, claimed = [0.0] * len(programs), list[bool]()
     for number, (workspace, each) in enumerate(_each(make, programs)):
         if not each.qp.shape.bounded_states:
             continue
-        result = workspace.solve(_unreachable(each.qp), None)
-        count += 1
-        claimed += result.status is Status.SOLVED
-        far[number] = distance(workspace.solve(each.qp, None).point, each.point)
-    said = f"{claimed} of {count} called solved; the next one differs by at most {max(far):.1e}"
+        wrong = each.qp.copy()
+        wrong.x_low[-1], wrong.x_high[-1] = 500.0, 501.0  # out of reach of the inputs
+        claimed.append(workspace.solve(wrong, None).status is Status.SOLVED)
+        far[number] = _far(make, each, workspace.solve(each.qp, None))
+    said = f"{sum(claimed)} of {len(claimed)} called solved; the next one differs by at most {max(far):.1e}"
     found = _agreeing(unsolvable_is_said, far, programs, said)
-    return replace(found, kept=found.kept and claimed == 0)
+    return replace(found, kept=found.kept and not any(claimed))
 
 
 def bad_data_is_refused(make: WorkspaceMaker, programs: Sequence[Recorded]) -> Finding:
@@ -256,6 +257,15 @@ def _agreeing(rule: Rule, far: Sequence[float], programs: Sequence[Recorded], sa
     return Finding(_title(rule), far[worst] <= AGREE_M, said)
 
 
+def _far(make: WorkspaceMaker, each: Recorded, found: QpResult, wanted: QpResult | None = None) -> float:
+    """Return how far a point is from the one that is wanted; 0 where a new workspace has none either, which ``honest_status`` tells."""
+    far = distance(found.point, (wanted or each).point)
+    if far <= AGREE_M or found.status in _HAS_POINT:
+        return far
+    alone = wanted or make(each.qp.shape).solve(each.qp, None)
+    return far if alone.status in _HAS_POINT else 0.0
+
+
 def distance(one: StageSolution, other: StageSolution) -> float:
     """Return the largest difference of a state or an input; infinity where one is not finite."""
     far = max(float(np.max(np.abs(one.x - other.x))), float(np.max(np.abs(one.u - other.u))))
@@ -264,20 +274,9 @@ def distance(one: StageSolution, other: StageSolution) -> float:
 
 def _each(make: WorkspaceMaker, programs: Sequence[Recorded]) -> list[tuple[QpWorkspace, Recorded]]:
     """Return every program with a workspace that solves all of its shape."""
-    made: dict[object, QpWorkspace] = {}
-    pairs = []
-    for each in programs:
-        key = each.qp.shape.stages, each.qp.shape.states, each.qp.shape.rows
-        if key not in made:
-            made[key] = make(each.qp.shape)
-        pairs.append((made[key], each))
-    return pairs
-
-
-def _unreachable(qp: StageQp) -> StageQp:
-    wrong = qp.copy()
-    wrong.x_low[-1], wrong.x_high[-1] = 500.0, 501.0  # out of reach of the inputs
-    return wrong
+    sizes = [(each.qp.shape.stages, each.qp.shape.states, each.qp.shape.rows) for each in programs]
+    made = {size: make(each.qp.shape) for size, each in dict(zip(sizes, programs, strict=True)).items()}
+    return [(made[size], each) for size, each in zip(sizes, programs, strict=True)]
 
 
 def _refuses(solve: Callable[[StageQp, None], object], qp: StageQp) -> bool:

@@ -92,5 +92,6 @@ def _check(name: str, *, json: bool) -> int:
 
 def _print_finding(finding: Finding, said: list[str]) -> None:
     """Print what was found: once, as one exception often breaks most rules."""
-    print_line(f"{'ok  ' if finding.kept else 'FAIL'} {finding.rule}: {'the same' if finding.said in said else finding.said}")
+    told = f"the same as of rule {said.index(finding.said) + 1}" if finding.said in said else finding.said
+    print_line(f"{'ok  ' if finding.kept else 'FAIL'} {len(said) + 1}. {finding.rule}: {told}")
     said.append(finding.said)

@@ -15,7 +15,7 @@ from hdvplan.bench.measuring.recording import LIMITS
 from hdvplan.cli import console
 from hdvplan.cli.app import run
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.workspace import QpResult, WorkspaceMaker
+from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker
 from hdvplan.solvers import registry
 from hdvplan.solvers.registry import solver_named
 from tests.bench.test_referee import AnswersForTheLastProgram, Careless, Sleeps, WritesAfterwards, WritesIntoTheGuess, WrongNowAndThen
@@ -91,6 +91,42 @@ def test_a_broken_rule_says_what_is_allowed_and_which_program_is_the_worst() -> 
     assert re.search(r"\(allowed 0\.001 m, rad or 1/m; most in samples\(\)\[\d+\], limits \w+\)$", finding.said)
 
 
+class GivesUpAtOne(Careless):
+    """Says of one program that it has no solution, and of the others what is true."""
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        result = super().solve(qp, guess)
+        if np.array_equal(qp.buffer, samples()[7].qp.buffer):
+            result.point.x[:] = np.nan
+            return result._replace(status=Status.FAILED)
+        return result
+
+
+def test_a_program_that_is_said_to_be_unsolved_breaks_no_other_rule() -> None:
+    findings = {rule: rule(GivesUpAtOne, samples()) for rule in CONTRACT if rule is not contract.times_are_true}
+    careless = [contract.unsolvable_is_said]  # which it calls solved, as all lies do
+    assert [rule for rule, finding in findings.items() if not finding.kept] == careless
+    assert findings[contract.honest_status].said.endswith(f"; not solved: 1 with limits {samples()[7].limits}, first samples()[7]")
+    assert "most in" not in findings[contract.unsolvable_is_said].said
+
+
+class ForgetsAfterTheFirst(Careless):
+    """Solves one program, and then says of all that it cannot."""
+
+    solved = False
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        result = super().solve(qp, guess)
+        status, self.solved = Status.FAILED if self.solved else result.status, True
+        result.point.x[:] += 1.0 * (status is Status.FAILED)
+        return result._replace(status=status)
+
+
+@pytest.mark.parametrize("rule", [contract.same_optimum, contract.update_equals_fresh, contract.guess_changes_only_the_way])
+def test_what_a_new_workspace_solves_an_old_one_must_solve(rule: Rule) -> None:
+    assert not rule(ForgetsAfterTheFirst, samples()).kept
+
+
 def test_a_solver_that_clears_its_programs_is_found_whatever_rules_came_before() -> None:
     findings = contract.checked(ClearsThePrograms)
     (written,) = (finding for finding in findings if finding.rule.startswith("The program is not written to"))
@@ -120,7 +156,7 @@ def test_a_solver_that_is_late_once_is_not_asked_again(capsys: pytest.CaptureFix
     assert run(["solvers", "--check", "tests.bench.test_contract:Stuck"]) == 1
     told = capsys.readouterr()
     assert told.out.count("LateError: no answer within 0.2 s after 3 programs") == 1
-    assert told.out.count(": the same") == len(CONTRACT) - 1
+    assert told.out.count(": the same as of rule 1") == len(CONTRACT) - 1
     assert f"checking rule 1 of {len(CONTRACT)}: " in told.err
 
 
