@@ -83,16 +83,20 @@ def study(
     ],
     *,
     running: Annotated[Running, OptionsOf(Running, _RUNNING)],
+    fail_on_no: Annotated[
+        bool, typer.Option("--fail-on-no", help="Exit code 1 where a vehicle does not fit, too.", rich_help_panel=OUTPUT)
+    ] = False,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
     """Plan every combination of roads, vehicles and settings.
 
-    A combination is called a cell. DIR receives cells.parquet (one row for each cell), places.parquet (every breach and tightest place),
-    table.xlsx for spreadsheets, ranking.csv, straying.csv, map.html and study.json. Finished cells are kept: the same command resumes the
-    study, and plans only the cells that are new, have changed, failed, hung or were killed.
+    A combination is called a cell. DIR receives cells.parquet and cells.csv (one row for each cell), places.parquet (every breach and
+    tightest place), table.xlsx for spreadsheets, ranking.csv, straying.csv, map.html and study.json. Finished cells are kept: the same
+    command resumes the study, and plans only the cells that are new, have changed, failed, hung or were killed.
 
-    Exit code 0: every cell has an answer, YES or NO. 1: some were refused, failed, hung or were killed. 2: bad input.
+    Exit code 0: every cell has an answer, YES or NO. 1: some were refused, failed, hung or were killed, or, with --fail-on-no, are NO.
+    2: bad input.
     """
     running.check()
     from hdvplan.machine import use_one_thread
@@ -130,14 +134,20 @@ def study(
     if rescued := results.rescued():
         warn(f"{_cells(rescued)} with steps that the solver failed at and another one planned: column rescued_steps", quiet=quiet)
     if results.unanswered:
-        why = results.reasons()
-        told = [f"{count} {ending}: {reason}" for (ending, reason), count in why.most_common(_REASONS)]
-        told += [f"and {len(why) - _REASONS} other reasons"] if len(why) > _REASONS else []
+        told = [f"{count} {ending}: {reason}" for (ending, reason), count in results.reasons().most_common()]
         again = any(ending in UNANSWERED for ending in results.outcomes)
-        tried = "; the same command tries again those that failed, hung or were killed" if again else ""
-        report_error(f"{_cells(results.unanswered)} without an answer", f"the column reason of cells.parquet has every reason{tried}", told)
-        return ExitCode.BROKEN
-    return ExitCode.OK
+        hint = "the column reason of cells.csv has every reason"
+        hint += "; the same command tries again those that failed, hung or were killed" if again else ""
+        report_error(f"{_cells(results.unanswered)} without an answer", hint, _first(told, "reasons"))
+    unfit = results.unfit() if fail_on_no else []
+    if unfit:
+        report_error(f"{_cells(len(unfit))} whose vehicle does not fit", "cells.csv has all, word NO", _first(unfit, "cells"))
+    return ExitCode.BROKEN if results.unanswered or unfit else ExitCode.OK
+
+
+def _first(lines: list[str], what: str) -> list[str]:
+    """Return the first lines, and how many there are beyond them."""
+    return lines[:_REASONS] + ([f"and {len(lines) - _REASONS} other {what}"] if len(lines) > _REASONS else [])
 
 
 def _cells(count: int) -> str:

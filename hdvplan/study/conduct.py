@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hdvplan.answers import NO
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, machine_facts, software
@@ -23,8 +24,8 @@ from hdvplan.study.store import CELLS, PARTS, PLACES, DamagedPartError, Folder, 
 if TYPE_CHECKING:
     import pandas as pd
 
-RECORD, RANKING, STRAYING, PAGE, WORKBOOK = "study.json", "ranking.csv", "straying.csv", "map.html", "table.xlsx"
-_OURS = (CELLS, PLACES, PARTS, RANKING, STRAYING, PAGE, WORKBOOK)
+RECORD, RANKING, STRAYING, PAGE, WORKBOOK, PLAIN = "study.json", "ranking.csv", "straying.csv", "map.html", "table.xlsx", "cells.csv"
+_OURS = (CELLS, PLACES, PARTS, RANKING, STRAYING, PAGE, WORKBOOK, PLAIN)
 
 Json = dict[str, Any]
 
@@ -46,6 +47,11 @@ class Results:
         """Return why cells have no answer: pairs of ending and reason, each with its number of cells."""
         both = zip(self._column("outcome"), self._column("reason"), strict=True)
         return Counter((str(outcome), str(reason)) for outcome, reason in both if outcome in (REFUSED, *UNANSWERED))
+
+    def unfit(self) -> list[str]:
+        """Return a line for each cell whose vehicle does not fit: road, vehicle, and the verdict or why there is no plan."""
+        rows = zip(*map(self._column, ("word", "road", "vehicle", "verdict", "reason")), strict=True)
+        return [f"{road}, {vehicle}: {verdict or reason}" for word, road, vehicle, verdict, reason in rows if word == NO]
 
     def notes(self) -> Counter[str]:
         """Return what was noted of roads, each with its number of cells: layers that are not read, kerbs that are bridged."""
@@ -208,13 +214,14 @@ def _finished(folder: Folder, record: Json) -> Results:
     """Write what is made of the whole table; return the results."""
     from hdvplan.study.map_page import write_page  # noqa: PLC0415 - they load pandas, which needs memory that cells have use for
     from hdvplan.study.ranking import ranking_of, straying_of  # noqa: PLC0415 - as above
-    from hdvplan.study.workbook import write_workbook  # noqa: PLC0415 - as above
+    from hdvplan.study.workbook import write_plain, write_workbook  # noqa: PLC0415 - as above
 
     results = Results(folder.path, *_counts(folder.path / CELLS))
     ranking = ranking_of(folder.path / CELLS, folder.path / PLACES, folder.varied)
     write_atomically(folder.path / RANKING, csv_bytes(ranking))
     write_atomically(folder.path / STRAYING, csv_bytes(straying_of(folder.path / CELLS, folder.varied)))
     write_workbook(folder.path / WORKBOOK, folder.path / CELLS, folder.varied)
+    write_plain(folder.path / PLAIN, folder.path / CELLS)
     write_page(folder.path / PAGE, folder.path / CELLS, ranking, record["sessions"][0]["started"])
     ended = {"outcomes": dict(results.outcomes), "fits": dict(results.fits), "finished": now()}
     write_atomically(folder.path / RECORD, json_bytes(record | ended))

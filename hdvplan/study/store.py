@@ -9,13 +9,13 @@ import json
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from time import time_ns
-from typing import Self
+from typing import Any, BinaryIO, Self
 
 import numpy as np
 import pyarrow as pa
@@ -214,7 +214,7 @@ def write_whole(folder: Folder, keys: Iterable[str]) -> None:
     blocks = [block[block >= 0] for block in blocks]
     for kind, name, schema in (("places", PLACES, folder.places), ("cells", CELLS, folder.cells)):
         read = lru_cache(maxsize=_OPEN)(partial(_part, folder, kind, schema))
-        write_tables(folder.path / name, _in_order(kept, blocks, read), schema)
+        write_blocks(folder.path / name, _in_order(kept, blocks, read), partial(pq.ParquetWriter, schema=schema, compression=_PACKING))
     pa.default_memory_pool().release_unused()  # ranking and map have use for it
 
 
@@ -255,8 +255,8 @@ def write_rows(path: Path, rows: Sequence[Row], schema: pa.Schema) -> None:
     write_atomically(path, sink.getvalue().to_pybytes())
 
 
-def write_tables(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> None:
-    """Write tables behind each other as one file that appears whole or not at all; no more than one of them is in memory.
+def write_blocks(path: Path, blocks: Iterable[pa.Table | bytes], writer: Callable[[BinaryIO], AbstractContextManager[Any]]) -> None:
+    """Write blocks behind each other as one file that appears whole or not at all; no more than one of them is in memory.
 
     Raises:
         OSError: it cannot be written.
@@ -266,9 +266,9 @@ def write_tables(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> N
     aside = path.with_name(f".{path.name}.part")
     try:
         aside.unlink(missing_ok=True)
-        with aside.open("xb") as file, pq.ParquetWriter(file, schema, compression=_PACKING) as writer:  # never through a link
-            for table in tables:
-                writer.write_table(table)
+        with aside.open("xb") as file, writer(file) as written:  # never through a link
+            for block in blocks:
+                written.write(block)
         aside.replace(path)
     except BaseException:
         aside.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""A study's answers as a workbook for spreadsheets: one sheet of roads by vehicles, and one with a row a cell.
+"""A study's answers as text, and as a workbook for spreadsheets: one sheet of roads by vehicles, and one with a row a cell.
 
 A workbook holds numbers: CSV that is opened in a program set to decimal commas does not.
 """
@@ -6,18 +6,22 @@ A workbook holds numbers: CSV that is opened in a program set to decimal commas 
 from __future__ import annotations
 
 from collections.abc import Hashable
+from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pyogrio
 from numpy.typing import NDArray
 
 from hdvplan.answers import NEEDS, YES, needs_text, room_text
-from hdvplan.fileio import write_atomically
+from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.study.cells import GEOMETRY
+from hdvplan.study.store import write_blocks
 from hdvplan.texts import no_formula, printable
 
 MOST_CELLS = 10_000  # a workbook is written from memory as a whole
@@ -47,6 +51,19 @@ def write_workbook(path: Path, cells: Path, varied: tuple[str, ...]) -> None:
         _add(aside, "roads by vehicles", _matrix(table))
         _add(aside, "cells", listed)
         write_atomically(path, aside.read_bytes())
+
+
+def write_plain(path: Path, cells: Path) -> None:
+    """Write a table of cells as text, without shapes; no more than some of it is in memory.
+
+    Raises:
+        OSError: it cannot be written.
+
+    """
+    file = pq.ParquetFile(cells)
+    names = [name for name in file.schema_arrow.names if name != GEOMETRY.name]
+    texts = (csv_bytes(batch.to_pandas(types_mapper={pa.int64(): pd.Int64Dtype()}.get)) for batch in file.iter_batches(columns=names))
+    write_blocks(path, (text.partition(b"\n")[2] if number else text for number, text in enumerate(texts)), nullcontext)
 
 
 def _matrix(table: pd.DataFrame) -> pd.DataFrame:

@@ -40,7 +40,7 @@ def test_a_study_ends_in_0_with_its_files_and_a_sentence(cli: Cli, study_file: P
     assert "places that need the least widening" in outcome.out
     assert outcome.out.endswith("written to out/\n")
     assert {path.name for path in Path("out").iterdir()} == {
-        "cells.parquet", "places.parquet", "ranking.csv", "straying.csv", "map.html", "table.xlsx", "study.json", "parts"
+        "cells.parquet", "cells.csv", "places.parquet", "ranking.csv", "straying.csv", "map.html", "table.xlsx", "study.json", "parts"
     }  # fmt: skip
     again = cli("study", str(study_file), "--out", "out", "--json")
     assert json.loads(again.out) == {"out": "out", "cells": 4, "outcomes": {"planned": 4}, "fits": {YES: 2, NO: 2}}
@@ -75,6 +75,19 @@ def test_what_is_noted_of_roads_is_said_with_its_cells(cli: Cli, study_file: Pat
     assert (outcome.code, outcome.err) == (0, "2 cells: half: no edge on the right: it is open to 20 m\n")
 
 
+def test_a_study_may_fail_where_a_vehicle_does_not_fit(cli: Cli, study_file: Path) -> None:
+    """Do all our vehicles still fit all our roads? As ``hdvplan plan`` answers it, by an exit code."""
+    run_study(read_study(study_file), "out", InHere())
+    assert cli("study", "study.toml", "--out", "out", "--quiet").code == 0
+    outcome = cli("study", "study.toml", "--out", "out", "--quiet", "--fail-on-no")
+    assert (outcome.code, outcome.out) == (1, "")
+    error, *told, hint = outcome.err.splitlines()
+    assert (error, hint) == ("error: 2 cells whose vehicle does not fit", "hint: cells.csv has all, word NO")
+    assert [line.partition(" m lacking")[0][:-4] for line in told] == ["bend, bus: NO: ", "lane, bus: NO: "]
+    study_file.write_text(STUDY.replace("1.55, ", ""), encoding="utf-8")
+    assert cli("study", "study.toml", "--out", "out", "--fail-on-no").code == 0
+
+
 def test_cells_that_another_solver_planned_are_counted(cli: Cli, study_file: Path) -> None:
     Path("faulty.py").write_text(FAULTY, encoding="utf-8")
     study_file.write_text(STUDY.replace("settings", 'solvers = ["riccati", "faulty.py:Raising"]\nsettings'), encoding="utf-8")
@@ -92,7 +105,7 @@ def test_refused_cells_have_no_answer_and_say_why(cli: Cli, study_file: Path) ->
         error, reason, hint = outcome.err.splitlines()
         assert error == "error: 1 cell without an answer"
         assert reason.startswith("1 refused: ")
-        assert hint == "hint: the column reason of cells.parquet has every reason"
+        assert hint == "hint: the column reason of cells.csv has every reason"
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,19 @@ def test_tables_open_as_geoparquet_with_lines_and_points(folder: Path, tiny: Ent
     assert np.array_equal(points, places.dropna(subset="geometry")[["lon", "lat"]].to_numpy())
 
 
+def test_cells_are_a_plain_table_too(folder: Path, tiny: Entries) -> None:
+    (folder / "=1+1.csv").write_bytes((folder / "bend.csv").read_bytes())
+    (folder / "short.csv").write_text("s,kappa\n0,0\n5,0\n", encoding="utf-8")  # refused: most of its columns are empty
+    _run(folder, tiny | {"roads": ["bend.csv", "=1+1.csv", "short.csv"], "vehicles": ["bus"]})
+    plain, whole = pd.read_csv(folder / "out" / "cells.csv"), pd.read_parquet(folder / "out" / "cells.parquet").drop(columns="geometry")
+    assert list(plain.columns) == list(whole.columns)
+    assert list(plain["road"].unique()) == ["bend", "'=1+1", "short"]  # no formula
+    assert list(plain["spare_m"].dropna()) == list(whole["spare_m"].dropna())
+    counts = pd.read_csv(folder / "out" / "cells.csv", dtype=str)["plans"].dropna()
+    assert len(counts) == 4
+    assert all(counts.str.isdigit())  # beside cells without any
+
+
 def test_every_cell_has_its_tightest_place_and_all_its_breaches(folder: Path, tiny: Entries) -> None:
     results = _run(folder, tiny)
     cells, places = results.cells(), results.places()
