@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from hdvplan.errors import OptionError
 from hdvplan.texts import encoded, no_formula
@@ -75,7 +75,21 @@ def refuse_endless(path: Path) -> None:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Replace ``path`` by ``content`` at once, so that no reader and no crash sees half a file; a link is replaced, not followed.
+    """Replace ``path`` by ``content``, as ``replaced`` does.
+
+    Raises:
+        OSError: the file cannot be written, or it is a folder, a device or a pipe.
+
+    """
+    with replaced(path) as file:
+        file.write(content)
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[BinaryIO]:
+    """Open what replaces ``path`` at once where the block ends, so that no reader and no crash sees half a file.
+
+    A link is replaced, not followed.
 
     Raises:
         OSError: the file cannot be written, or it is a folder, a device or a pipe.
@@ -86,7 +100,7 @@ def write_atomically(path: Path, content: bytes) -> None:
     try:
         part.unlink(missing_ok=True)
         with part.open("xb") as file:  # never through a link
-            file.write(content)
+            yield file
         part.replace(path)
     except BaseException:
         part.unlink(missing_ok=True)

@@ -45,27 +45,21 @@ class Results:
 
     def reasons(self) -> Counter[tuple[str, str]]:
         """Return why cells have no answer: pairs of ending and reason, each with its number of cells."""
-        both = zip(self._column("outcome"), self._column("reason"), strict=True)
+        both = _rows(self.folder / CELLS, "outcome", "reason")
         return Counter((str(outcome), str(reason)) for outcome, reason in both if outcome in (REFUSED, *UNANSWERED))
 
     def unfit(self) -> list[str]:
         """Return a line for each cell whose vehicle does not fit: road, vehicle, and the verdict or why there is no plan."""
-        rows = zip(*map(self._column, ("word", "road", "vehicle", "verdict", "reason")), strict=True)
+        rows = _rows(self.folder / CELLS, "word", "road", "vehicle", "verdict", "reason")
         return [f"{road}, {vehicle}: {verdict or reason}" for word, road, vehicle, verdict, reason in rows if word == NO]
 
     def notes(self) -> Counter[str]:
         """Return what was noted of roads, each with its number of cells: layers that are not read, kerbs that are bridged."""
-        return Counter(note for notes in self._column("notes") for note in (notes or "").splitlines())
+        return Counter(note for (notes,) in _rows(self.folder / CELLS, "notes") for note in (notes or "").splitlines())
 
     def rescued(self) -> int:
         """Return in how many cells another solver planned steps that the cell's own one failed at."""
-        return sum(map(bool, self._column("rescued_steps")))
-
-    def _column(self, column: str) -> Iterator[Any]:
-        import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
-
-        for batch in pq.ParquetFile(self.folder / CELLS).iter_batches(columns=[column]):
-            yield from batch[column].to_pylist()
+        return sum(bool(steps) for (steps,) in _rows(self.folder / CELLS, "rescued_steps"))
 
     def cells(self) -> pd.DataFrame:
         """Return one row a cell, in the study's order."""
@@ -216,29 +210,26 @@ def _finished(folder: Folder, record: Json) -> Results:
     from hdvplan.study.ranking import ranking_of, straying_of  # noqa: PLC0415 - as above
     from hdvplan.study.workbook import write_plain, write_workbook  # noqa: PLC0415 - as above
 
-    results = Results(folder.path, *_counts(folder.path / CELLS))
-    ranking = ranking_of(folder.path / CELLS, folder.path / PLACES, folder.varied)
+    cells = folder.path / CELLS
+    words = Counter(str(word) for outcome, word in _rows(cells, "outcome", "word") if outcome == PLANNED)
+    results = Results(folder.path, Counter(outcome for (outcome,) in _rows(cells, "outcome")), words)
+    ranking = ranking_of(cells, folder.path / PLACES, folder.varied)
     write_atomically(folder.path / RANKING, csv_bytes(ranking))
-    write_atomically(folder.path / STRAYING, csv_bytes(straying_of(folder.path / CELLS, folder.varied)))
-    write_workbook(folder.path / WORKBOOK, folder.path / CELLS, folder.varied)
-    write_plain(folder.path / PLAIN, folder.path / CELLS)
-    write_page(folder.path / PAGE, folder.path / CELLS, ranking, record["sessions"][0]["started"])
+    write_atomically(folder.path / STRAYING, csv_bytes(straying_of(cells, folder.varied)))
+    write_workbook(folder.path / WORKBOOK, cells, folder.varied)
+    write_plain(folder.path / PLAIN, cells)
+    write_page(folder.path / PAGE, cells, ranking, record["sessions"][0]["started"])
     ended = {"outcomes": dict(results.outcomes), "fits": dict(results.fits), "finished": now()}
     write_atomically(folder.path / RECORD, json_bytes(record | ended))
     return results
 
 
-def _counts(cells: Path) -> tuple[Counter[str], Counter[str]]:
-    """Return how many cells ended how, and how many planned ones have which verdict."""
+def _rows(cells: Path, *columns: str) -> Iterator[tuple[Any, ...]]:
+    """Yield some columns of a table row by row."""
     import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
 
-    outcomes, fits = Counter[str](), Counter[str]()
-    for batch in pq.ParquetFile(cells).iter_batches(columns=["outcome", "word"]):
-        for outcome, word in zip(batch["outcome"].to_pylist(), batch["word"].to_pylist(), strict=True):
-            outcomes[outcome] += 1
-            if outcome == PLANNED:
-                fits[str(word)] += 1
-    return outcomes, fits
+    for batch in pq.ParquetFile(cells).iter_batches(columns=list(columns)):
+        yield from zip(*(batch[column].to_pylist() for column in columns), strict=True)
 
 
 def _table(path: Path) -> pd.DataFrame:

@@ -9,13 +9,13 @@ import json
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from time import time_ns
-from typing import Any, BinaryIO, Self
+from typing import Self
 
 import numpy as np
 import pyarrow as pa
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from hdvplan.arrays import IntArray
 from hdvplan.errors import OptionError
-from hdvplan.fileio import refuse_special, write_atomically
+from hdvplan.fileio import replaced
 from hdvplan.study.cells import COUNT, GEOMETRY, NUMBER, SHAPE, TEXT, TRUTH, Column, Row, cell_columns, place_columns
 from hdvplan.study.engine import UNANSWERED, Done
 
@@ -214,7 +214,9 @@ def write_whole(folder: Folder, keys: Iterable[str]) -> None:
     blocks = [block[block >= 0] for block in blocks]
     for kind, name, schema in (("places", PLACES, folder.places), ("cells", CELLS, folder.cells)):
         read = lru_cache(maxsize=_OPEN)(partial(_part, folder, kind, schema))
-        write_blocks(folder.path / name, _in_order(kept, blocks, read), partial(pq.ParquetWriter, schema=schema, compression=_PACKING))
+        with replaced(folder.path / name) as file, pq.ParquetWriter(file, schema, compression=_PACKING) as writer:
+            for table in _in_order(kept, blocks, read):
+                writer.write_table(table)
     pa.default_memory_pool().release_unused()  # ranking and map have use for it
 
 
@@ -250,29 +252,8 @@ def write_rows(path: Path, rows: Sequence[Row], schema: pa.Schema) -> None:
         OSError: it cannot be written.
 
     """
-    sink = pa.BufferOutputStream()
-    pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), sink, compression=_PACKING)
-    write_atomically(path, sink.getvalue().to_pybytes())
-
-
-def write_blocks(path: Path, blocks: Iterable[pa.Table | bytes], writer: Callable[[BinaryIO], AbstractContextManager[Any]]) -> None:
-    """Write blocks behind each other as one file that appears whole or not at all; no more than one of them is in memory.
-
-    Raises:
-        OSError: it cannot be written.
-
-    """
-    refuse_special(path)
-    aside = path.with_name(f".{path.name}.part")
-    try:
-        aside.unlink(missing_ok=True)
-        with aside.open("xb") as file, writer(file) as written:  # never through a link
-            for block in blocks:
-                written.write(block)
-        aside.replace(path)
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
+    with replaced(path) as file:
+        pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), file, compression=_PACKING)
 
 
 def _part(folder: Folder, kind: str, schema: pa.Schema, name: str) -> pa.Table:

@@ -6,7 +6,6 @@ A workbook holds numbers: CSV that is opened in a program set to decimal commas 
 from __future__ import annotations
 
 from collections.abc import Hashable
-from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,9 +18,8 @@ import pyogrio
 from numpy.typing import NDArray
 
 from hdvplan.answers import NEEDS, YES, needs_text, room_text
-from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.fileio import csv_bytes, replaced, write_atomically
 from hdvplan.study.cells import GEOMETRY
-from hdvplan.study.store import write_blocks
 from hdvplan.texts import no_formula, printable
 
 MOST_CELLS = 10_000  # a workbook is written from memory as a whole
@@ -62,8 +60,10 @@ def write_plain(path: Path, cells: Path) -> None:
     """
     file = pq.ParquetFile(cells)
     names = [name for name in file.schema_arrow.names if name != GEOMETRY.name]
-    texts = (csv_bytes(batch.to_pandas(types_mapper={pa.int64(): pd.Int64Dtype()}.get)) for batch in file.iter_batches(columns=names))
-    write_blocks(path, (text.partition(b"\n")[2] if number else text for number, text in enumerate(texts)), nullcontext)
+    batches = file.iter_batches(MOST_CELLS, columns=names)
+    texts = (csv_bytes(batch.to_pandas(types_mapper={pa.int64(): pd.Int64Dtype()}.get)) for batch in batches)
+    with replaced(path) as written:
+        written.writelines(text.partition(b"\n")[2] if number else text for number, text in enumerate(texts))
 
 
 def _matrix(table: pd.DataFrame) -> pd.DataFrame:

@@ -6,7 +6,7 @@ import ctypes
 import shutil
 import subprocess
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from hdvplan.planning.objectives import Goal, geometric
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Residual
-from hdvplan.planning.terms.term import Columns, CorePart, Horizon, Scene, Term, core_functions
+from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
 from hdvplan.vehicle.model import Vehicle
 from tests.docs.blocks import blocks_of
 from tests.fakes import Fake
@@ -145,34 +145,6 @@ def test_an_aim_that_is_no_number_is_refused() -> None:
         hdvplan.plan(replace(CASE, objective=objective))
 
 
-def of_heading(weight: float) -> Callable[[Stations, Vehicle], Goal]:
-    """Return the geometric objective, and the square of the heading error at a weight."""
-
-    @dataclass(frozen=True)
-    class HeadingPart:
-        scene: Scene
-        memory: tuple[()] = ()
-        violation: float = 0.0
-
-        def extend(self, _: Horizon, begin: int) -> int:
-            stages, z = self.scene.qp.stages[begin:], self.scene.motion.z[begin:]
-            stages["Q"][:, 1, 1] += 2.0 * weight
-            stages["q"][:, 1] += 2.0 * weight * z[:, 1]
-            return -1
-
-        def linearise(self, horizon: Horizon) -> int:
-            return self.extend(horizon, 1)
-
-        def price(self, _: Horizon) -> float:
-            return weight * float(np.sum(self.scene.motion.z[1:, 1] ** 2))
-
-    class Heading(Term):
-        def part(self, scene: Scene, columns: Columns) -> HeadingPart:  # noqa: ARG002 - a protocol's method
-            return HeadingPart(scene)
-
-    return with_term(Heading())
-
-
 @pytest.mark.parametrize(
     ("weight", "solver", "words"),
     [
@@ -181,12 +153,14 @@ def of_heading(weight: float) -> Callable[[Stations, Vehicle], Goal]:
         (-100.0, "riccati", "its terms are not convex: Q has the eigenvalue -"),  # where piqp finds a point that is stationary
     ],
 )
-def test_an_objective_that_solvers_fail_at_is_named_and_no_solver_is_blamed(weight: float, solver: str, words: str) -> None:
+def test_an_objective_that_solvers_fail_at_is_named_and_no_solver_is_blamed(
+    articulation: type, weight: float, solver: str, words: str
+) -> None:
     with pytest.raises(OptionError, match=rf"^objective '.*', in the plan at s = \d+\.\d m: {words}") as raised:
-        hdvplan.plan(replace(CASE, objective=of_heading(weight), solver=solver))
+        hdvplan.plan(replace(CASE, objective=with_term(articulation(weight)), solver=solver))
     assert "no solver" in str(raised.value.hint)
 
 
-def test_a_solver_that_fails_at_a_convex_objective_of_one_s_own_is_rescued() -> None:
-    found = hdvplan.plan(replace(CASE, objective=of_heading(1.0), solver=Fake("raising")))
+def test_a_solver_that_fails_at_a_convex_objective_of_one_s_own_is_rescued(articulation: type) -> None:
+    found = hdvplan.plan(replace(CASE, objective=with_term(articulation(1.0)), solver=Fake("raising")))
     assert len(found.rescued) == len(found.drive.plans)

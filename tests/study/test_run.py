@@ -371,8 +371,8 @@ def test_a_part_that_may_not_be_read_is_no_damage(folder: Path, tiny: Entries, m
 def test_tables_are_written_through_no_link_and_into_no_folder_of_undecodable_bytes(folder: Path, tiny: Entries) -> None:
     (folder / "secret").write_text("mine", encoding="utf-8")
     (folder / "out").mkdir()
-    for name in (".cells.parquet.part", ".places.parquet.part"):
-        (folder / "out" / name).symlink_to(folder / "secret")
+    for name in ("cells.parquet", "places.parquet", "cells.csv"):
+        (folder / "out" / f".{name}.{os.getpid()}.part").symlink_to(folder / "secret")
     assert len(_run(folder, tiny).cells()) == 8
     assert (folder / "secret").read_text(encoding="utf-8") == "mine"
     with pytest.raises(OptionError, match="bytes in its name that are no text"):
