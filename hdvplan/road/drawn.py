@@ -22,6 +22,7 @@ from hdvplan.road.street import BEYOND_M
 _LOCATED_M = 2.0  # pieces of a drawn line are located at points this near to each other
 _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
+_LEFT = 2.0  # so many times as far from its arm of the road as before, and as from another one: a line has left it
 _ELSEWHERE_M = 1000.0  # no street is so wide
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
@@ -95,16 +96,20 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
     points, drawn = densely(edge)
     # corners of a ring, its first one twice; along a closed road its arclength there is another
     ring = not path.closed and len(edge) > 3 and np.array_equal(edge[0], edge[-1])  # noqa: PLR2004
-    s, offset = _located(longer, points)
+    number, s, offset = _located(longer, points)
+    points, drawn = points[number], drawn[number]
+    left_out = np.append(np.diff(number) == 0, ring)  # by the point that a piece begins at
     beside = np.full(len(points), fill_value=True) if path.closed else (s > 0.0) & (s < path.length)
     if not np.any(beside):
         beside = ~beside
     if ring:
         first = int(np.argmax(beside))
-        points, s, offset, beside, drawn = (np.roll(column[:-1], -first, axis=0) for column in (points, s, offset, beside, drawn))
-    left_out = np.zeros(len(points), bool)  # by the point that a piece begins at
+        count = len(s) - (abs(s[-1] - s[0]) <= _LOCATED_M)  # its last point is beside another arm of the road, or the first one again
+        columns = (points, s, offset, beside, drawn, left_out)
+        points, s, offset, beside, drawn, left_out = (np.roll(column[:count], -first, axis=0) for column in columns)
     found, notes = [], []
-    for crossing in _crossings(offset, np.flatnonzero(beside), ring=ring):
+    on = np.flatnonzero(beside | left_out | np.roll(left_out, 1))
+    for crossing in _crossings(offset, on, left_out, ring=ring):
         at = _crossed_at(s, offset, crossing)
         beyond = np.full(len(at), -np.inf) if path.closed else np.maximum(-at, at - path.length)
         furthest = int(np.argmax(beyond))
@@ -112,7 +117,7 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
         if far < -_AT_END_M:
             _refuse_wall(path, s, offset, int(crossing[0]))
         across = drawn == drawn[crossing[furthest]]
-        left_out |= across
+        left_out = left_out | across
         if abs(far) <= _AT_END_M:
             notes.append(f"an edge closes the street where the line {'starts' if starts else 'ends'}: it is taken as open there")
         elif 0.0 < far < BEYOND_M:
@@ -128,11 +133,11 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
     return found, notes
 
 
-def _crossings(offset: FloatArray, on: IntArray, *, ring: bool) -> Iterator[IntArray]:
+def _crossings(offset: FloatArray, on: IntArray, over: BoolArray, *, ring: bool) -> Iterator[IntArray]:
     """Yield from one to the next point ``on`` of a line that lie on two sides of the road the points behind which it crosses that."""
     for before, after in zip(on, np.append(on[1:], on[0] + len(offset)) if ring else on[1:], strict=False):
         between = np.arange(before, after + 1) % len(offset)
-        crossing = between[:-1][np.diff(offset[between] > 0.0)]
+        crossing = between[:-1][np.diff(offset[between] > 0.0) & ~over[between[:-1]]]
         if len(crossing) % 2:
             yield crossing
 
@@ -208,34 +213,63 @@ def _runs(left_out: BoolArray, *, ring: bool) -> list[IntArray]:
     return [order[part] for part in np.split(np.arange(count), np.flatnonzero(left_out[order][: count - 1]) + 1)]
 
 
-def _located(path: ReferencePath, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return arclengths and signed offsets of the points of a line, which is followed along the road, a closed one lap after lap [m]."""
-    first, last = (0.0, path.length) if path.closed else (path.s_first, path.s_last)
-    grid = np.linspace(first, last, int(np.ceil((last - first) / _SAMPLES_M)) + 1)
-    here = path.at(grid)
-    tree = scipy.spatial.KDTree(np.stack([here.x, here.y], axis=1))
-    near = grid[tree.query(points)[1]]
-    along = np.concatenate([[0.0], np.hypot(*np.diff(points, axis=0).T)])
-    lap = path.length if path.closed else np.inf
-    for i in range(1, len(points)):  # stay on the arm of the road on which the line began
-        reach = _STRAY * along[i] + _LOCATED_M
-        near[i] += _laps(near[i - 1] - near[i], lap)
-        if abs(near[i] - near[i - 1]) > reach:
-            unrolled = grid + _laps(near[i - 1] - grid, lap)
-            around = np.flatnonzero(np.abs(unrolled - near[i - 1]) <= reach)
-            near[i] = unrolled[around[np.argmin(np.hypot(here.x[around] - points[i, 0], here.y[around] - points[i, 1]))]]
-    before = _laps(near - 0.5 * lap, lap) if path.closed else np.zeros(len(near))
+def _located(path: ReferencePath, points: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the numbers of a line's points, and their arclengths, a closed road's lap after lap, and signed offsets [m].
+
+    A point at which the line goes over from one arm of the road to another is there twice, beside each of them.
+    """
+    near, reach = _near(path, points)
+    over = np.flatnonzero(np.abs(np.diff(near)) > reach) + 1
+    number = np.insert(np.arange(len(points)), over, over)
+    near, points = np.insert(near, over, near[over - 1]), points[number]
+    before = _laps(near - 0.5 * path.length, path)
     near -= before
     s, offset = project_many(path, points[:, 0], points[:, 1], near)[:2]
     lost = ~np.isfinite(offset)
     at = path.at(near)
     across = (points[:, 1] - at.y) * np.cos(at.heading) - (points[:, 0] - at.x) * np.sin(at.heading)
-    return np.where(lost, near, s) + before, np.where(lost, across, offset)
+    return number, np.where(lost, near, s) + before, np.where(lost, across, offset)
 
 
-def _laps(distance: FloatArray, lap: float) -> FloatArray:
-    """Return the whole laps nearest to a distance [m]; an open road's is infinitely long."""
-    return lap * np.round(distance / lap) if np.isfinite(lap) else np.zeros_like(distance)
+def _near(path: ReferencePath, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return about where beside the road a line's points are, and how far from the one before the next may be on the same arm of it [m].
+
+    The line goes over to another arm where it leaves its own, as a kerb does from the arm that a turn at a roundabout comes from to the one
+    that it goes to; where the road only passes over itself it stays.
+    """
+    first, last = (0.0, path.length) if path.closed else (path.s_first, path.s_last)
+    grid = np.linspace(first, last, int(np.ceil((last - first) / _SAMPLES_M)) + 1)
+    here = np.stack([path.at(grid).x, path.at(grid).y], axis=1)
+    nearest = scipy.spatial.KDTree(here).query(points)[1]
+    near, apart = grid[nearest], np.hypot(*(here[nearest] - points).T)
+    reach: FloatArray = _STRAY * np.hypot(*np.diff(points, axis=0).T) + _LOCATED_M
+
+    def beside(point: int, neighbour: int) -> tuple[float, float]:  # on the arm of the neighbour: where, and how far from it
+        places = grid + _laps(near[neighbour] - grid, path)
+        around = np.flatnonzero(np.abs(places - near[neighbour]) <= reach[min(point, neighbour)])
+        distance = np.hypot(*(here[around] - points[point]).T)
+        return float(places[around[np.argmin(distance)]]), float(np.min(distance))
+
+    least = OPEN_M  # from the arm
+    for i in range(1, len(points)):
+        least = min(least, apart[i - 1])
+        near[i] += _laps(near[i - 1] - near[i], path)
+        if abs(near[i] - near[i - 1]) <= reach[i - 1]:
+            continue
+        own = beside(i, i - 1)
+        if own[1] <= _LEFT * max(apart[i], least):
+            near[i], apart[i] = own
+            continue
+        least, before = OPEN_M, i - 1
+        while before >= 0 and (other := beside(before, before + 1))[1] < apart[before]:  # what is nearer to the other arm already
+            near[before], apart[before] = other
+            before -= 1
+    return near, reach
+
+
+def _laps(distance: FloatArray, path: ReferencePath) -> FloatArray:
+    """Return the whole laps nearest to a distance [m]; an open road has none."""
+    return path.length * np.round(distance / path.length) if path.closed else np.zeros_like(distance)
 
 
 def within_lap(kerb: Kerb, path: ReferencePath) -> list[Kerb]:

@@ -365,6 +365,51 @@ def test_a_kerb_from_one_side_street_to_another_inside_a_bend_is_directed_as_the
     np.testing.assert_allclose(kerb.s[[first, last]], [33.0, 60.0], atol=1.0)  # as above
 
 
+OPEN_THERE = [f"an edge closes the street where the line {at}: it is taken as open there" for at in ("ends", "starts")]
+
+
+def at_roundabout(turn: float) -> ReferencePath:
+    """Return a line through a roundabout that comes eastwards, and goes on so many degrees to its left."""
+    arcs = np.radians([-45.0, turn + 90.0, -45.0]) * [-15.0, 12.0, -15.0]
+    begins = np.cumsum([40.0, *arcs])
+    knots = np.sort(np.concatenate([begins - 0.5, begins + 0.5]))
+    curvature = np.repeat([0.0, -1.0 / 15.0, 1.0 / 12.0, -1.0 / 15.0, 0.0], 2)
+    return from_curvature([0.0, *knots, begins[-1] + 40.0], curvature)
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+@pytest.mark.parametrize("first", [None, *range(0, 140, 20)])
+def test_a_kerb_between_the_arms_that_a_turn_at_a_roundabout_comes_from_and_goes_to_is_beside_both(first: int | None, turned: int) -> None:
+    """It was beside the first of them alone: the street was refused as closed, or the other arm had no kerb."""
+    path = at_roundabout(90.0)
+    (x, y), right = np.stack(path.to_plane(path.length, 0.0)), np.stack(path.to_plane(np.arange(path.length), -3.0), axis=1)
+    ends = np.stack(path.to_plane(path.length, np.array([-3.0, 7.0])), axis=1)
+    corner = np.array([[0.0, 7.0], [x - 7.0, 7.0], ends[1]])
+    around = np.vstack([right, ends[:1], corner[::-1]])
+    outline = np.roll(around, -(first or 0), axis=0)
+    drawn = (corner, np.vstack([right, ends[:1]])) if first is None else (np.vstack([outline, outline[:1]]),)
+    kerbs, bridges, notes = drawn_kerbs(path, tuple(edge[::turned] for edge in drawn))
+    assert not bridges
+    assert sorted(notes) == ([] if first is None else OPEN_THERE)
+    (left,) = (kerb for kerb in kerbs if kerb.left)
+    assert shapely.hausdorff_distance(shapely.LineString(left.points), shapely.LineString(corner)) < 1e-9
+    comes, goes = left.points[:, 0] <= 30.0, left.points[:, 1] >= y - 30.0
+    np.testing.assert_allclose(left.s[comes], left.points[comes, 0], atol=1e-6)
+    np.testing.assert_allclose(left.s[goes], path.length - y + left.points[goes, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+@pytest.mark.parametrize("first", range(0, 160, 20))
+def test_the_outline_around_a_u_turn_is_its_right_kerb_and_open_at_both_ends(first: int, turned: int) -> None:
+    path = at_roundabout(180.0)
+    around = np.stack(path.to_plane(np.append(np.arange(path.length), path.length), -3.0), axis=1)
+    outline = np.roll(around, -first, axis=0)
+    kerbs, _, notes = drawn_kerbs(path, (np.vstack([outline, outline[:1]])[::turned],))
+    assert sorted(notes) == [*OPEN_THERE, "no edge on the left: it is open to 20 m"]
+    (right,) = (kerb for kerb in kerbs if not kerb.left)
+    assert shapely.hausdorff_distance(shapely.LineString(right.points), shapely.LineString(around)) < 1e-9
+
+
 def test_over_a_gap_a_kerb_is_straight_and_it_is_told() -> None:
     upper = (np.array([[-5.0, 3.0], [30.0, 3.0]]), np.array([[40.0, 4.0], [105.0, 4.0]]))
     kerbs, (bridge,), notes = drawn_kerbs(arc(0.0, 100.0), (*upper, np.array([[-5.0, -2.0], [105.0, -2.0]])))
