@@ -26,6 +26,14 @@ def counted(count: int, one: str, several: str = "") -> str:
     return f"{count} {one if count == 1 else several or f'{one}s'}"
 
 
+def place_text(x: float, y: float, lonlat: tuple[float, float] | None) -> str:
+    """Return a place as people read it: latitude and longitude [deg], or x and y [m] where there are none."""
+    if lonlat is None:
+        return f"x {x:z.1f}, y {y:z.1f}"
+    lon, lat = lonlat
+    return f"{abs(lat):.5f} {'N' if lat >= 0.0 else 'S'}, {abs(lon):.5f} {'E' if lon >= 0.0 else 'W'}"
+
+
 def no_formula(cell: str) -> str:
     """Return a word for a table that spreadsheets open: what would begin a formula begins with an apostrophe."""
     return f"'{cell}" if cell.startswith(_FORMULA) and not is_number(cell) else cell

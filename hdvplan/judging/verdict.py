@@ -17,6 +17,7 @@ from hdvplan.judging.result import Proof, Result, body_name
 from hdvplan.judging.sentences import farther_texts
 from hdvplan.road.regions import OPEN_M, called, limit_called
 from hdvplan.road.road import Road
+from hdvplan.texts import place_text
 
 _NO_MORE_M = 0.005  # to spare: 0.00 m in a sentence
 _CENTI, _TENTHS = 100.0, 10.0  # of a metre and of a degree, to which what a driver may err is rounded down
@@ -262,14 +263,6 @@ def _furthest(result: Result) -> _Place:
     most, s = float(reach[unit, at]), float(envelope.s[at])
     x, y = (float(of[0]) for of in result.drive.stations.path.to_plane(np.array([s]), np.array([most if side == "left" else -most])))
     return _Place(-most, s, x, y, side, unit, contact(result.drive, unit, side, s), None, None)
-
-
-def place_text(x: float, y: float, lonlat: tuple[float, float] | None) -> str:
-    """Return a place as people read it: latitude and longitude [deg], or x and y [m] where there are none."""
-    if lonlat is None:
-        return f"x {x:z.1f}, y {y:z.1f}"
-    lon, lat = lonlat
-    return f"{abs(lat):.5f} {'N' if lat >= 0.0 else 'S'}, {abs(lon):.5f} {'E' if lon >= 0.0 else 'W'}"
 
 
 def _against(result: Result, verdict: Verdict) -> str:

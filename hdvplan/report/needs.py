@@ -13,7 +13,7 @@ from rich.table import Table
 from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.fileio import Together, json_bytes
 from hdvplan.judging.result import Result, body_name
-from hdvplan.judging.verdict import place_text, proof_text, tracking_line
+from hdvplan.judging.verdict import proof_text, tracking_line
 from hdvplan.need.answer import Bound, Need, Place
 from hdvplan.need.land import Patch
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, on_road
@@ -27,6 +27,7 @@ from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import proof_json, tracking_json
 from hdvplan.road.regions import Kind, called
+from hdvplan.texts import place_text
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, chord_of, turns_of
 from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
+from hdvplan.road.crs import ToLonLat, is_local
 from hdvplan.road.limits import WIDEST_M
 from hdvplan.settings import any_of
-from hdvplan.texts import some_of
+from hdvplan.texts import place_text, some_of
 
 _LARGEST_MB = 64
 _PACKED = {".kmz", ".xlsx", ".ods"}  # packed by nature
@@ -30,6 +31,7 @@ _OTHERS = {
 _RATIO = 1000.0  # of a step to the median of those around it
 _SHORTEST_M = 1000.0  # a long straight may well have one step of hundreds of metres between dense bends
 _SAME_M = 0.02  # points this close repeat their neighbour
+_BLAME_M, _CUT_SHARE = 20.0, 0.05  # around the place of a refusal, and of what lies before: smoothing has cut corners there
 _AROUND = 3  # steps looked at before and after
 SPARSE_M = 1000.0  # between the points of a long line, on average: a small file makes no road of a thousand kilometres
 MIN_LENGTH_M = 5.0  # of a road
@@ -154,6 +156,22 @@ def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str
                 f" {steps[at] / usual:.0f} times the steps around them"
             )
             raise RoadError(msg, hint="correct or remove the point that is wrong; on a long straight, add points between")
+
+
+def pointed_at(error: RoadError, points: FloatArray, lines: tuple[int, ...] | None, to_lonlat: ToLonLat | None) -> RoadError:
+    """Return a refusal to smooth a line, shape (n, 2) [m], that says which of its points is to blame, as its file has it."""
+    if error.s_m is None:
+        return error
+    near = np.abs(chord_of(points)[1:-1] - error.s_m) <= _BLAME_M + _CUT_SHARE * error.s_m
+    at = 1 + int(np.argmin(np.where(near, turns_of(points), np.inf)))
+    which = f"point {at + 1}" if lines is None else f"line {lines[at]} of the file"
+    x, y = points[at].tolist()
+    lonlat = None
+    if to_lonlat is not None and is_local(to_lonlat):  # the file's coordinates are degrees
+        lon, lat = np.ravel(to_lonlat(*points[at : at + 1].T))
+        lonlat = (float(lon), float(lat))
+    msg = f"{error} (sharpest at {which}, {place_text(x, y, lonlat)})"
+    return RoadError(msg, s_m=error.s_m, hint=error.hint)
 
 
 def refuse_length(points: FloatArray, name: str, long: float, given: str | None = None) -> None:

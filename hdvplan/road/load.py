@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from hdvplan.errors import RoadError
-from hdvplan.road.checks import refuse_far, refuse_length, refuse_outliers, refuse_unreadable, text_of
+from hdvplan.road.checks import pointed_at, refuse_far, refuse_length, refuse_outliers, refuse_unreadable, text_of
 from hdvplan.road.features import Choice, roles_of
 from hdvplan.road.line import LONG_M, Line, RawRoad, noted_again, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
@@ -187,4 +187,8 @@ def _of_lanes(path: Path, options: RoadOptions) -> RawRoad | None:
 
 
 def _road(line: Line) -> Road:
-    return smoothed(line)[0]
+    try:
+        return smoothed(line)[0]
+    except RoadError as error:
+        raw = line.raw
+        raise error if raw.is_profile else pointed_at(error, raw.points, raw.lines, raw.to_lonlat) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,22 @@ def test_long_straights_between_dense_bends_and_repeated_points_are_no_outliers(
     refuse_outliers(np.concatenate([DENSE, DENSE + np.array([3000.0, 0.0])]), None, "f")  # 600 times the steps around
     refuse_outliers(np.array([[0.0, 0.0], [0.0, 0.0], [50e3, 0.0], [50e3, 0.0]]), None, "f")
     refuse_outliers(np.array([[0.0, 0.0], [50e3, 0.0]]), None, "f")
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "where"),
+    [("x,y", 1.0, "x 35.0, y 400.0"), ("lon,lat", 1e-5, "0.00400 N, 0.00035 E")],
+)
+def test_a_stray_point_that_lengthens_the_line_is_named(tmp_path: Path, header: str, unit: float, where: str) -> None:
+    """By its arclength alone nobody finds it: the line is not 430 m long without it."""
+    points = unit * np.insert(DENSE, 7, [35.0, 400.0], axis=0)
+    np.savetxt(tmp_path / "a.csv", points, "%.7f", ",", header=header, comments="# measured\n")
+    with pytest.raises(RoadError, match=r"turns back on itself near s = 4\d\d m \(sharpest at line 10 of the file, " + where):
+        load_road(tmp_path / "a.csv")
+    line = {"type": "LineString", "coordinates": (points if unit < 1.0 else 1e-5 * points).tolist()}
+    (tmp_path / "a.geojson").write_text(json.dumps(line), encoding="utf-8")
+    with pytest.raises(RoadError, match=r"\(sharpest at point 8, 0\.00400 N, 0\.00035 E\)"):
+        load_road(tmp_path / "a.geojson")
 
 
 def test_the_line_of_the_file_is_named_and_a_latitude_without_its_digits_is_refused(tmp_path: Path) -> None:
