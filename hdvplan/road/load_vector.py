@@ -278,4 +278,18 @@ def _unreadable(path: Path, reason: str) -> RoadError:
         msg = f"{path.name} is damaged or cut off"
     else:
         msg = f"{path.name} cannot be read: {plain}"
+    line = re.search(r"error at line (\d+) of .*\.dxf$", plain, re.IGNORECASE)
+    if line is not None:  # GDAL's own converter fails at it as well
+        return RoadError(
+            f"{msg}, {_entity_before(path, int(line[1]))}", hint="in CAD, explode or delete that one, and save the drawing again"
+        )
     return RoadError(msg, hint=f"convert it first, such as: {_CONVERT.format(name=path.name)}")
+
+
+def _entity_before(path: Path, line: int) -> str:
+    """Return what a drawing as text calls the last thing that begins before a line of its file, and that thing's layer."""
+    lines = [text.strip().decode("latin-1") for text in path.read_bytes().splitlines()[: line - 1]]
+    pairs = list(zip(lines[::2], lines[1::2], strict=False))
+    first = max((at for at, (code, _) in enumerate(pairs) if code == "0"), default=0)
+    layer = next((f" in layer {value!r}" for code, value in pairs[first:] if code == "8"), "")
+    return f"in a {pairs[first][1]}{layer}"

@@ -304,6 +304,20 @@ def test_a_drawing_that_was_cut_off_is_called_so_wherever_that_was(tmp_path: Pat
             load_road(tmp_path / "part.dxf")
 
 
+def test_an_entity_that_gdal_fails_at_is_named(tmp_path: Path) -> None:
+    """The hint was to convert the drawing with GDAL, which fails alike; the entity may lie in a layer that nobody asked for."""
+    document = new("R2000")
+    document.modelspace().add_lwpolyline(METRES.tolist(), dxfattribs={"layer": "ROAD"})
+    document.modelspace().add_spline(
+        [(0.0, 0.0), (30.0, 1.0), (60.0, 0.0), (90.0, 1.0)], dxfattribs={"layer": "TREES"}
+    )  # no control points
+    document.modelspace().add_line((0.0, 5.0), (90.0, 5.0), dxfattribs={"layer": "KERB"})
+    document.saveas(tmp_path / "a.dxf")
+    with pytest.raises(RoadError, match=r"a\.dxf cannot be read: error at line \d+ of a\.dxf, in a SPLINE in layer 'TREES'\n") as caught:
+        load_road(tmp_path / "a.dxf", RoadOptions(layer="ROAD"))
+    assert caught.value.hint == "in CAD, explode or delete that one, and save the drawing again"
+
+
 def test_a_drawing_of_several_lines_lists_its_layers_and_the_options_that_choose_among_them(tmp_path: Path) -> None:
     drawing = write(tmp_path / "a.dxf", [GRID_LINE, GRID_LINE], crs=None, Layer=["ONE", "TWO"])
     with pytest.raises(RoadError, match="2 lines, and none is chosen; they are in layers 'ONE', 'TWO'") as caught:
