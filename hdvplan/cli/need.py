@@ -14,6 +14,7 @@ from hdvplan.cli.checks import check_fits, names_in, smoothed, vehicles_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, SITE, VEHICLE
 from hdvplan.cli.options import WRITTEN, Output, RoadOrNoneArgument, Room, VehiclesOption, check_folder, file_name
+from hdvplan.cli.outcome import warn_of_sides
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.cli.turn import MORE_STARTS, answered
 from hdvplan.errors import OptionError
@@ -127,6 +128,7 @@ def need(
                 edge = _held(track, held, getattr(room, held))
                 answer = edge_need_of(case, edge, other, prove=proof, on_progress=on_progress)
         answers.append((answer, need_json(answer, perf_counter() - began)))
+        warn_of_sides(answers[-1][1], f"{driven.name}: " if several else "", quiet=quiet)
         directory = output.out or Path(f"{file_name(track.name)}.{'compared' if several else file_name(driven.name)}.need")
         with writing(f"to {directory}"):
             write_need(*answers[-1], directory / file_name(driven.name) if several else directory, kinds, sheet)

@@ -224,7 +224,7 @@ def on_road(result: Result, road: Road) -> Result:
     """Return the same drive judged on another road of the same line, whose regions it passes on the same sides."""
     there = replace(road, faces=result.drive.road.faces)
     case, drive = replace(result.case, road=there), replace(result.drive, road=there)
-    return replace(result, case=case, drive=drive, balance=balance_of(drive), passed=(), proof=None, attempts=())
+    return replace(result, case=case, drive=drive, balance=balance_of(drive), proof=None, attempts=())
 
 
 def even(road: Road) -> Callable[[float], Road]:

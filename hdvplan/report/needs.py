@@ -25,7 +25,7 @@ from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
 from hdvplan.report.paper import SheetOptions
-from hdvplan.report.summary import proof_json, tracking_json
+from hdvplan.report.summary import passed_json, proof_json, tracking_json
 from hdvplan.road.regions import Kind, called
 from hdvplan.texts import place_text
 from hdvplan.vehicle.model import Vehicle
@@ -120,6 +120,7 @@ def need_json(need: Need, seconds: float) -> Json:
     if need.held is not None:
         named[f"least_{'right' if need.side == 'left' else 'left'}_m"] = None if need.held.result is None else need.held.room
     widened = need.widenings
+    shown = shown_plan(need)
     area, fits = (None, None) if widened is None else (widened.area, widened.fitting is not None)
     return {
         "road": case.road.name,
@@ -136,6 +137,7 @@ def need_json(need: Need, seconds: float) -> Json:
         "objective": None if result is None else result.objective,
         "scheme": None if result is None else str(result.case.settings.scheme),
         "plans": need.room.plans,
+        "passed": [] if shown is None else [passed_json(passed) for passed in shown.passed],
         "fits": fits,
         "widening_m2": 0.0 if fits else None if area is None else area.area,
         "widening": None if widened is None else {f"least_{kind}": _widening_json(getattr(widened, kind)) for kind in _WIDENINGS},

@@ -67,7 +67,7 @@ def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) 
         "manners": _steering(result),
         **({"fit": [finding_json(finding) for finding in result.fit.findings]} if forecast else {}),
         "obstacles": [_obstacle_json(near, drive.vehicle) for near in result.approaches],
-        "passed": [_passed(passed) for passed in result.passed],
+        "passed": [passed_json(passed) for passed in result.passed],
         "failed_steps": [float(drive.stations.s[plan.first]) for plan in result.failed],
         "rescued_steps": [{"s_m": float(drive.stations.s[plan.first]), "why": plan.instead} for plan in result.rescued],
         "attempts": [{"step_m": attempt.step, "give_way_m": attempt.give_way, "lacking_m": attempt.lacking} for attempt in result.attempts],
@@ -189,7 +189,7 @@ def _wheel(vehicle: Vehicle, wheel: Wheel) -> Json:
     return {"body": wheel.unit + 1, "unit": unit, "axle": wheel.axle, "side": wheel.side, "ahead_m": wheel.ahead, "left_m": wheel.left}
 
 
-def _passed(passed: Passed) -> Json:
+def passed_json(passed: Passed) -> Json:
     """Return how an obstacle was passed; infinities, where no plan exists on the other side, are None with their reason."""
     own, other, reason = passed.own, passed.other, passed.reason
     if own is not None and not np.isfinite(own.violation):

@@ -158,3 +158,17 @@ def test_what_no_width_cures_is_not_blamed_on_an_obstacle(cli: Cli, bend: str) -
     assert outcome.code == 1
     assert "at any half width up to 15 m, 14.50 m of clearance included" in outcome.err
     assert "obstacle" not in outcome.out + outcome.err
+
+
+@pytest.mark.slow
+def test_an_obstacle_that_is_passed_on_the_other_side_than_the_line_passes_it_is_told(cli: Cli, tmp_path: Path) -> None:
+    """A lorry went behind a lamp post over the footway, and nothing said so."""
+    line = {"type": "LineString", "coordinates": [[0.0, 0.0], [9e-4, 0.0]]}  # 100 m
+    box = [[x * 1e-5, y * 1e-5] for x, y in ((54.0, 0.45), (60.0, 0.45), (60.0, 1.8), (54.0, 1.8), (54.0, 0.45))]
+    parts = (line, {"left_m": 3.0, "right_m": 1.9}), ({"type": "Polygon", "coordinates": [box]}, {"region": "obstacle", "name": "MAST"})
+    features = [{"type": "Feature", "geometry": geometry, "properties": properties} for geometry, properties in parts]
+    (tmp_path / "street.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    outcome = cli("need", "street.geojson", "--vehicle", "bus", "--fix", "right", "--no-plot", "--no-proof")
+    assert re.search(r"warning: the obstacle 'MAST' at s = 63\.\d m is passed on the left, the line passes it on the right: ", outcome.err)
+    (passed,) = json.loads((tmp_path / "street.bus.need" / "need.json").read_text(encoding="utf-8"))["passed"]
+    assert (passed["name"], passed["side"], passed["crossed"]) == ("MAST", "left", True)
