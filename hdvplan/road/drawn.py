@@ -22,7 +22,7 @@ from hdvplan.road.street import BEYOND_M
 _LOCATED_M = 2.0  # pieces of a drawn line are located at points this near to each other
 _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
-_LEFT = 2.0  # so many times as far from its arm of the road as before, and as from another one: a line has left it
+_AWAY = 2.0  # so many times as far from its arm of the road as before, and as from another one: a line has left it
 _ELSEWHERE_M = 1000.0  # no street is so wide
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
@@ -44,11 +44,8 @@ def drawn_kerbs(
     if edges:
         _refuse_elsewhere(about.points, np.concatenate(edges))
     longer = path.extended(BEYOND_M, BEYOND_M)
-    pieces: list[Kerb] = []
-    across: list[str] = []
-    for edge in edges:
-        found, told = _sided(longer, path, edge)
-        pieces, across = [*pieces, *found], [*across, *told]
+    sided = [_sided(longer, path, edge) for edge in edges]
+    pieces = [piece for found, _ in sided for piece in found]
     open_place = about.kerbs(Limits.constant(OPEN_M, OPEN_M, path.length))
     kerbs: list[Kerb] = []
     undrawn, ends = list[FloatArray](), (given or about).ends
@@ -64,7 +61,7 @@ def drawn_kerbs(
             notes += gaps(own, path.length, side)
         notes += [bridge.note(side, path) for bridge in bridges]
     kerbs += [piece for piece in pieces if not piece.goes_on]
-    return tuple(kerbs), tuple(undrawn), (*notes, *dict.fromkeys(across))
+    return tuple(kerbs), tuple(undrawn), (*notes, *dict.fromkeys(note for _, told in sided for note in told))
 
 
 def _further(points: FloatArray, ends: FloatArray) -> FloatArray:
@@ -117,7 +114,7 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
         if far < -_AT_END_M:
             _refuse_wall(path, s, offset, int(crossing[0]))
         across = drawn == drawn[crossing[furthest]]
-        left_out = left_out | across
+        left_out = left_out | across  # another array: crossings are still being found by this one
         if abs(far) <= _AT_END_M:
             notes.append(f"an edge closes the street where the line {'starts' if starts else 'ends'}: it is taken as open there")
         elif 0.0 < far < BEYOND_M:
@@ -205,11 +202,8 @@ def _runs(left_out: BoolArray, *, ring: bool) -> list[IntArray]:
     count = len(left_out)
     if not np.any(left_out):
         return [np.arange(count + ring) % count]
-    if ring:  # begin behind a piece that is left out
-        first = (int(np.flatnonzero(left_out & ~np.roll(left_out, -1))[0]) + 1) % count
-        order = (np.arange(count) + first) % count
-    else:
-        order = np.arange(count)
+    first = int(np.flatnonzero(left_out & ~np.roll(left_out, -1))[0]) + 1 if ring else 0  # behind a piece that is left out
+    order = np.roll(np.arange(count), -first)
     return [order[part] for part in np.split(np.arange(count), np.flatnonzero(left_out[order][: count - 1]) + 1)]
 
 
@@ -257,7 +251,7 @@ def _near(path: ReferencePath, points: FloatArray) -> tuple[FloatArray, FloatArr
         if abs(near[i] - near[i - 1]) <= reach[i - 1]:
             continue
         own = beside(i, i - 1)
-        if own[1] <= _LEFT * max(apart[i], least):
+        if own[1] <= _AWAY * max(apart[i], least):
             near[i], apart[i] = own
             continue
         least, before = OPEN_M, i - 1
