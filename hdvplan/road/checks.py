@@ -160,9 +160,10 @@ def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str
 
 def pointed_at(error: RoadError, points: FloatArray, lines: tuple[int, ...] | None, to_lonlat: ToLonLat | None) -> RoadError:
     """Return a refusal to smooth a line, shape (n, 2) [m], that says which of its points is to blame, as its file has it."""
-    if error.s_m is None:
+    s = np.inf if error.s_m is None else error.s_m
+    near = np.abs(chord_of(points)[1:-1] - s) <= _BLAME_M + _CUT_SHARE * min(s, MAX_LENGTH_M)
+    if not np.any(near):
         return error
-    near = np.abs(chord_of(points)[1:-1] - error.s_m) <= _BLAME_M + _CUT_SHARE * error.s_m
     at = 1 + int(np.argmin(np.where(near, turns_of(points), np.inf)))
     which = f"point {at + 1}" if lines is None else f"line {lines[at]} of the file"
     x, y = points[at].tolist()

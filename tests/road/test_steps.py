@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hdvplan.errors import RoadError
-from hdvplan.road.checks import refuse_outliers
+from hdvplan.road.checks import pointed_at, refuse_outliers
 from hdvplan.road.load import load_road
 
 DENSE = np.stack([np.arange(0.0, 100.0, 5.0), np.zeros(20)], axis=1)
@@ -43,6 +43,11 @@ def test_a_stray_point_that_lengthens_the_line_is_named(tmp_path: Path, header: 
     (tmp_path / "a.geojson").write_text(json.dumps(line), encoding="utf-8")
     with pytest.raises(RoadError, match=r"\(sharpest at point 8, 0\.00400 N, 0\.00035 E\)"):
         load_road(tmp_path / "a.geojson")
+
+
+def test_a_refusal_without_a_place_or_far_from_any_turn_names_no_point() -> None:
+    for refusal in (RoadError("no"), RoadError("no", s_m=200.0)):
+        assert pointed_at(refusal, np.array([[0.0, 0.0], [30.0, 0.0], [0.0, 0.1]]), None, None) is refusal
 
 
 def test_the_line_of_the_file_is_named_and_a_latitude_without_its_digits_is_refused(tmp_path: Path) -> None:
