@@ -590,9 +590,13 @@ meet_pieces(const struct search *in, const struct outline *on, const double seen
         const struct hdv_block *block = &in->blocks[i];
         if (block->wheels != on->wheels || seen[block->left ? 0 : 1] < -SEEN_M)
             continue;
-        for (int64_t place = 0; place < block->count; place++)
-            if (is_in(&in->street->pieces[block->numbers[place]], &box))
+        for (int64_t place = 0; place < block->count; place++) {
+            const struct hdv_piece *piece = &in->street->pieces[block->numbers[place]];
+            int here = piece->s_low <= in->high &&
+                       piece->s_high >= in->low; /* a block may reach to where the line crosses itself */
+            if (here && is_in(piece, &box))
                 meet_piece(in, block->numbers[place], on, found);
+        }
     }
 }
 

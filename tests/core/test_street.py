@@ -338,3 +338,10 @@ def test_a_kerb_that_is_straight_but_for_jitter_leads_a_side_no_further_than_the
     plain, torn = (float(np.min(look(street, BUS, np.zeros(1), pose)["at"]["gap"][..., 0, :])) for street in streets)
     assert plain < 0.0
     assert plain - 0.005 - 0.06 * abs(plain) < torn < plain + 0.005  # a side is led at up to 18 degrees to the kerb
+
+
+def test_a_kerb_of_few_pieces_that_comes_by_again_counts_beside_its_own_stretch_of_line_alone() -> None:
+    points = np.array([[-30.0, 3.0], [30.0, 3.0], [60.0, 3.0], [60.0, 60.0], [10.0, 60.0], [10.0, -60.0]])
+    kerb = Kerb(points, np.array([-30.0, 30.0, 60.0, 117.0, 167.0, 287.0]), left=True)
+    found = look(street_of(kerb), BUS, np.array([8.0]), standing(8.0, 0.0, 0.0), TO_JUDGE)  # the bus stands across its last piece
+    assert np.min(found["at"]["gap"][..., 0, :]) == pytest.approx(3.0 - 0.5 * BUS.width, abs=NEAR)
