@@ -167,9 +167,9 @@ def _map21() -> list[Row]:
 def _flat(found: Turn) -> dict[str, object]:
     """Return a turn's figures as a row: scalars, with lists as text."""
     return {
-        key: ";".join(f"{item:.6g}" for item in value) if isinstance(value, list) and key != "limits" else value
+        key: ";".join(f"{item:.6g}" for item in value) if isinstance(value, list) else value
         for key, value in turn_json(found).items()
-        if key != "limits"
+        if key not in {"limits", "text"}
     }
 
 
