@@ -112,20 +112,24 @@ static void meet_aside(const struct hdv_piece *piece, double x, double y, int64_
         *to = (struct nearest){distance, across, -piece->sin, piece->cos, on / piece->length, number};
 }
 
+/* How far a place, so far from a piece's first corner, is on the street's side of the kerb's run to that corner, or of
+ * the one from there, whichever is more [m]. */
+static double ahead_of(const struct hdv_piece *piece, double x, double y) {
+    return larger(y * piece->from_cos - x * piece->from_sin, y * piece->to_cos - x * piece->to_sin);
+}
+
 /* Whether a place so far from a piece's first corner, a protruding one, may lie behind it: the kerb there turns away
  * from what is seen on its street's side. */
 static int is_behind(const struct hdv_piece *piece, double x, double y) {
-    double before = y * piece->from_cos - x * piece->from_sin, after = y * piece->to_cos - x * piece->to_sin;
-    return larger(before, after) < IN_FRONT * hypot(x, y);
+    return ahead_of(piece, x, y) < IN_FRONT * hypot(x, y);
 }
 
 /* Whether a kerb that runs so to its corner and on from there faces the way that a body's side is to be led in, about
  * as much as its two runs face each other. On a run that is straight but for jitter, a corner of the body is further
  * beyond it, and a side would be led off as far as the kerb lies oblique to it. */
 static int faces(const struct hdv_piece *piece, double x, double y) {
-    double before = y * piece->from_cos - x * piece->from_sin, after = y * piece->to_cos - x * piece->to_sin;
     double alike = piece->from_cos * piece->to_cos + piece->from_sin * piece->to_sin;
-    return piece->ends || larger(before, after) > alike - ALIKE;
+    return piece->ends || ahead_of(piece, x, y) > alike - ALIKE;
 }
 
 /* The gap between a kerb's corner, u ahead of the axle and v left of the axis, and the side of the outline that faces
@@ -516,8 +520,11 @@ static struct seen seen_from(const struct hdv_pose *pose, const struct hdv_piece
     };
 }
 
-/* Whether a piece lies in a box, as far as its ends tell. */
+/* Whether a piece lies in a box beside a stretch of line, as far as its ends tell: what lies there beside another one,
+ * as where the line crosses itself, does not. */
 static int is_in(const struct hdv_piece *piece, const struct box_beside *in) {
+    if (piece->s_high < in->line.low || piece->s_low > in->line.high)
+        return 0;
     const struct seen at = seen_from(in->pose, piece);
     double to_u = at.u + at.du, to_v = at.v + at.dv;
     return !(
@@ -585,18 +592,14 @@ static void meet_piece(const struct search *in, int64_t number, const struct out
  * it lacks much: to them a wall is as deep as half its thickness. */
 static void
 meet_pieces(const struct search *in, const struct outline *on, const double seen[2], struct hdv_contacts *found) {
-    const struct box_beside box = {.pose = in->pose, .rear = on->rear, .front = on->front, .side = on->half_width};
+    const struct box_beside box = {in->pose, on->rear, on->front, on->half_width, {in->low, in->high}};
     for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
         const struct hdv_block *block = &in->blocks[i];
         if (block->wheels != on->wheels || seen[block->left ? 0 : 1] < -SEEN_M)
             continue;
-        for (int64_t place = 0; place < block->count; place++) {
-            const struct hdv_piece *piece = &in->street->pieces[block->numbers[place]];
-            int here = piece->s_low <= in->high &&
-                       piece->s_high >= in->low; /* a block may reach to where the line crosses itself */
-            if (here && is_in(piece, &box))
+        for (int64_t place = 0; place < block->count; place++)
+            if (is_in(&in->street->pieces[block->numbers[place]], &box))
                 meet_piece(in, block->numbers[place], on, found);
-        }
     }
 }
 
@@ -609,7 +612,7 @@ pieces_from(int64_t from, const struct hdv_street *street, const struct box_besi
     found->count = 0;
     for (int64_t number = from > first ? from : first; number < beyond; number++) {
         const struct hdv_piece *piece = &street->pieces[number];
-        if (piece->s_high < in->line.low || !is_in(piece, in))
+        if (!is_in(piece, in))
             continue;
         if (found->count == HDV_SOME)
             return number;
@@ -647,8 +650,7 @@ void pieces_near(
     for (const struct hdv_block *block = in.blocks; block < in.blocks + in.count; block++) {
         struct hdv_block *to = &found->blocks[found->count];
         for (int64_t place = 0; place < block->count; place++) {
-            const struct hdv_piece *piece = &street->pieces[block->numbers[place]];
-            if (piece->s_high < in.low || piece->s_low > in.high || !is_in(piece, &box))
+            if (!is_in(&street->pieces[block->numbers[place]], &box))
                 continue;
             if (listed++ == HDV_SOME) {
                 found->count = -1;

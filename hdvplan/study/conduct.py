@@ -211,8 +211,12 @@ def _finished(folder: Folder, record: Json) -> Results:
     from hdvplan.study.workbook import write_plain, write_workbook  # noqa: PLC0415 - as above
 
     cells = folder.path / CELLS
-    words = Counter(str(word) for outcome, word in _rows(cells, "outcome", "word") if outcome == PLANNED)
-    results = Results(folder.path, Counter(outcome for (outcome,) in _rows(cells, "outcome")), words)
+    outcomes, fits = Counter[str](), Counter[str]()
+    for (outcome, word), count in Counter(_rows(cells, "outcome", "word")).items():
+        outcomes[outcome] += count
+        if outcome == PLANNED:
+            fits[str(word)] += count
+    results = Results(folder.path, outcomes, fits)
     ranking = ranking_of(cells, folder.path / PLACES, folder.varied)
     write_atomically(folder.path / RANKING, csv_bytes(ranking))
     write_atomically(folder.path / STRAYING, csv_bytes(straying_of(cells, folder.varied)))
