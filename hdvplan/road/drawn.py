@@ -22,7 +22,7 @@ from hdvplan.road.street import BEYOND_M
 _LOCATED_M = 2.0  # pieces of a drawn line are located at points this near to each other
 _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
-_AWAY = 2.0  # so many times as far from its arm of the road as before, and as from another one: a line has left it
+_AWAY = 2.0  # so many times as far from its arm of the road as where another one came nearer, and as from that: a line has left it
 _ELSEWHERE_M = 1000.0  # no street is so wide
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
@@ -238,24 +238,25 @@ def _near(path: ReferencePath, points: FloatArray) -> tuple[FloatArray, FloatArr
     near, apart = grid[nearest], np.hypot(*(here[nearest] - points).T)
     reach: FloatArray = _STRAY * np.hypot(*np.diff(points, axis=0).T) + _LOCATED_M
 
-    def beside(point: int, neighbour: int) -> tuple[float, float]:  # on the arm of the neighbour: where, and how far from it
-        places = grid + _laps(near[neighbour] - grid, path)
-        around = np.flatnonzero(np.abs(places - near[neighbour]) <= reach[min(point, neighbour)])
+    def beside(point: int, place: float, within: float) -> tuple[float, float]:  # on the arm of a place: where, and how far from it
+        places = grid + _laps(place - grid, path)
+        around = np.flatnonzero(np.abs(places - place) <= within)
         distance = np.hypot(*(here[around] - points[point]).T)
         return float(places[around[np.argmin(distance)]]), float(np.min(distance))
 
-    least = OPEN_M  # from the arm
     for i in range(1, len(points)):
-        least = min(least, apart[i - 1])
         near[i] += _laps(near[i - 1] - near[i], path)
-        if abs(near[i] - near[i - 1]) <= reach[i - 1]:
+        own, j = [(float(near[i - 1]), float(apart[i - 1]))], i
+        while j < len(points) and abs(near[j] + _laps(own[-1][0] - near[j], path) - own[-1][0]) > reach[j - 1]:
+            own.append(beside(j, own[-1][0], reach[j - 1]))
+            if own[-1][1] > _AWAY * max(apart[j], apart[i - 1]):
+                break
+            j += 1
+        else:  # back on its arm, or at its end
+            near[i:j], apart[i:j] = np.reshape(own[1:], (-1, 2)).T
             continue
-        own = beside(i, i - 1)
-        if own[1] <= _AWAY * max(apart[i], least):
-            near[i], apart[i] = own
-            continue
-        least, before = OPEN_M, i - 1
-        while before >= 0 and (other := beside(before, before + 1))[1] < apart[before]:  # what is nearer to the other arm already
+        before = i - 1
+        while before >= 0 and (other := beside(before, near[before + 1], reach[before]))[1] < apart[before]:  # nearer to the other already
             near[before], apart[before] = other
             before -= 1
     return near, reach

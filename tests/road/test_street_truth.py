@@ -146,6 +146,47 @@ def test_a_random_street_of_corners_is_the_same_answer_by_width_and_by_edges(lin
         assert one.spare == pytest.approx(other.spare, abs=SAME_M if one.spare > -0.5 else 0.1)
 
 
+@st.composite
+def crossings(draw: st.DrawFn) -> tuple[FloatArray, float]:
+    """Return a line round three corners that crosses its first leg, away from them, and a half width of its street."""
+    along, up = draw(st.floats(60.0, 90.0)), draw(st.floats(60.0, 90.0))
+    at, lean = draw(st.floats(20.0, along - 30.0)), draw(st.floats(-25.0, 25.0))
+    line = np.array([[0.0, 0.0], [along, 0.0], [along + draw(st.floats(-10.0, 10.0)), up], [at - lean, up], [at + lean, -up]])
+    return line, draw(st.floats(2.5, 7.0))
+
+
+def assert_the_crossing_binds_nobody(line: FloatArray, half_width: float) -> None:
+    """A road that passes over itself is the same answer as both its parts, each of which does not, and by its edges."""
+    before, after = line[:3], np.vstack([0.5 * (line[1] + line[2]), line[2:]])
+    whole, *parts = (verdict(road_of(RawRoad(own, np.full((4, len(own)), half_width)))) for own in (line, before, after))
+    least = min(parts, key=lambda part: part.spare or -math.inf)
+    assert whole.word == least.word
+    # Where metres are lacking plans end in other local optima.
+    assert whole.spare == pytest.approx(least.spare, abs=SAME_M if (least.spare or 0.0) > -0.5 else 0.1)
+    assert verdict(road_of(RawRoad(line, edges=mitred(line, half_width)))).spare == pytest.approx(whole.spare, abs=1e-3)  # the same kerbs
+
+
+def mitred(line: FloatArray, half_width: float) -> tuple[FloatArray, FloatArray]:
+    """Return the edges of a line that may cross itself: offsets of a library end where it does."""
+    ahead = np.diff(line, axis=0) / np.linalg.norm(np.diff(line, axis=0), axis=1)[:, None]
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    before, after = np.vstack([left[:1], left]), np.vstack([left, left[-1:]])
+    across = half_width * (before + after) / (1.0 + np.sum(before * after, axis=1))[:, None]
+    return line + across, line - across
+
+
+@pytest.mark.parametrize("half_width", [3.1, 6.0])
+def test_a_road_that_passes_over_itself_is_not_bound_by_what_it_passes(half_width: float) -> None:
+    assert_the_crossing_binds_nobody(np.array([[0.0, 0.0], [65.0, 0.0], [60.0, 70.0], [40.0, 70.0], [28.0, -70.0]]), half_width)
+
+
+@pytest.mark.slow
+@given(street=crossings())
+@settings(few, max_examples=60)
+def test_no_random_road_that_passes_over_itself_is_bound_by_what_it_passes(street: tuple[FloatArray, float]) -> None:
+    assert_the_crossing_binds_nobody(*street)
+
+
 @pytest.mark.slow
 @given(line=streets(), half_width=st.floats(2.2, 5.0), offset=st.floats(-1.5, 1.5), turned=st.floats(-0.3, 0.3))
 @few
