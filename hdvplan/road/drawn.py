@@ -238,27 +238,32 @@ def _near(path: ReferencePath, points: FloatArray) -> tuple[FloatArray, FloatArr
     near, apart = grid[nearest], np.hypot(*(here[nearest] - points).T)
     reach: FloatArray = _STRAY * np.hypot(*np.diff(points, axis=0).T) + _LOCATED_M
 
-    def beside(point: int, place: float, within: float) -> tuple[float, float]:  # on the arm of a place: where, and how far from it
-        places = grid + _laps(place - grid, path)
-        around = np.flatnonzero(np.abs(places - place) <= within)
-        distance = np.hypot(*(here[around] - points[point]).T)
-        return float(places[around[np.argmin(distance)]]), float(np.min(distance))
+    def along(order: range, begin: int) -> tuple[list[tuple[float, float]], bool]:
+        """Return where on the arm beside point ``begin``, and how far from it, points are until one is there anyway; whether they stay."""
+        found, place = list[tuple[float, float]](), float(near[begin])
+        for point in order:
+            within = reach[point - (order.step > 0)]
+            if abs(near[point] + _laps(place - near[point], path) - place) <= within:
+                break
+            places = grid + _laps(place - grid, path)
+            around = np.flatnonzero(np.abs(places - place) <= within)
+            distance = np.hypot(*(here[around] - points[point]).T)
+            place, far = float(places[around[np.argmin(distance)]]), float(np.min(distance))
+            found.append((place, far))
+            if far > _AWAY * max(apart[point], apart[begin]):
+                return found, False
+        return found, True
 
     for i in range(1, len(points)):
         near[i] += _laps(near[i - 1] - near[i], path)
-        own, j = [(float(near[i - 1]), float(apart[i - 1]))], i
-        while j < len(points) and abs(near[j] + _laps(own[-1][0] - near[j], path) - own[-1][0]) > reach[j - 1]:
-            own.append(beside(j, own[-1][0], reach[j - 1]))
-            if own[-1][1] > _AWAY * max(apart[j], apart[i - 1]):
-                break
-            j += 1
-        else:  # back on its arm, or at its end
-            near[i:j], apart[i:j] = np.reshape(own[1:], (-1, 2)).T
-            continue
-        before = i - 1
-        while before >= 0 and (other := beside(before, near[before + 1], reach[before]))[1] < apart[before]:  # nearer to the other already
-            near[before], apart[before] = other
-            before -= 1
+        found, stays = along(range(i, len(points)), i - 1)
+        for point, own in enumerate(found if stays else (), start=i):
+            near[point], apart[point] = own
+        before, always = ([], True) if stays else along(range(i - 1, -1, -1), i)
+        for point, other in zip(range(i - 1, -1, -1), before, strict=False):
+            if not always and other[1] >= apart[point]:
+                break  # further back the line is nearer to the arm that it leaves
+            near[point], apart[point] = other
     return near, reach
 
 
