@@ -147,7 +147,6 @@ def _without_debug(arguments: Sequence[str]) -> tuple[list[str], bool]:
 
 
 def _report(error: BaseException, *, json: bool) -> ExitCode:
-    """Write what went wrong and what to do next to stderr, with ``json`` to stdout, too; return the exit code for it."""
     code, message, hint = _told(error)
     report_error(message, hint)
     if json:
@@ -156,7 +155,6 @@ def _report(error: BaseException, *, json: bool) -> ExitCode:
 
 
 def _told(error: BaseException) -> tuple[ExitCode, str, str | None]:
-    """Return the exit code for an error, what it says, and its hint."""
     if isinstance(error, KeyboardInterrupt):
         return ExitCode.INTERRUPTED, "interrupted", None
     if isinstance(error, _UsageError):
@@ -188,7 +186,6 @@ def _usage(error: Exception) -> tuple[str, str]:
 
 
 def _is_failed_plan(error: HdvplanError) -> bool:
-    """Tell a plan that could not be made from an input that cannot be used; only a solver that ran has a status."""
     return isinstance(error, PlanError | QpDataError | TurnError) or (isinstance(error, SolverError) and error.status is not None)
 
 

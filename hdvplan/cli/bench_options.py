@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from hdvplan.bench import ENVELOPE_M, FACTOR, FLOOR_S, PATIENCE_S, TIME_LIMIT_S
 from hdvplan.errors import OptionError
+from hdvplan.report import PICTURES
 from hdvplan.settings import Setting, choice
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from hdvplan.bench.comparing.against import Settings
     from hdvplan.bench.comparing.decision import Rule
 
-PICTURES = ("png", "pdf", "svg")
 _MEASURES = ("step_limit", "cell_limit", "memory_limit")  # that need a process which can be ended
 
 

@@ -231,7 +231,6 @@ def _check(suite: Suite) -> None:
 
 
 def _again(against: str, wanted: Suite | CommandWork, words: Sequence[str], out: Path) -> str:
-    """Return the command that measures the same again."""
     from hdvplan.bench.comparing.work import CommandWork
 
     what = ["--suite", str(out / "suite.toml")]

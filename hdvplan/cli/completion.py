@@ -7,40 +7,49 @@ from collections.abc import Callable, Sequence
 Offer = Callable[[str], list[str]]  # returns the names that begin so
 
 
-def roads(incomplete: str) -> list[str]:
-    """Return the shipped roads, examples and scenarios that begin so."""
+def _offering(names: Callable[[], Sequence[str]]) -> Offer:
+    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
+
+
+@_offering
+def roads() -> list[str]:
+    """Return the shipped roads, examples and scenarios."""
     from hdvplan.road.scenarios import SCENARIOS, shipped_roads
 
-    return _beginning(incomplete, [*shipped_roads(), *SCENARIOS])
+    return [*shipped_roads(), *SCENARIOS]
 
 
-def vehicles(incomplete: str) -> list[str]:
-    """Return the preset vehicles that begin so."""
+@_offering
+def vehicles() -> list[str]:
+    """Return the preset vehicles."""
     from hdvplan.vehicle.load import preset_names
 
-    return _beginning(incomplete, preset_names())
+    return preset_names()
 
 
-def templates(incomplete: str) -> list[str]:
-    """Return the shipped templates of manoeuvres that begin so."""
+@_offering
+def templates() -> list[str]:
+    """Return the shipped templates of manoeuvres."""
     from hdvplan.turning.reversing.options import Template
     from hdvplan.turning.templates import template_names
 
-    return _beginning(incomplete, [*template_names(), *Template])
+    return [*template_names(), *Template]
 
 
-def solvers(incomplete: str) -> list[str]:
-    """Return the installed solvers that begin so."""
+@_offering
+def solvers() -> list[str]:
+    """Return the installed solvers."""
     from hdvplan.solvers.registry import solver_infos
 
-    return _beginning(incomplete, [info.name for info in solver_infos() if info.version is not None])
+    return [info.name for info in solver_infos() if info.version is not None]
 
 
-def objectives(incomplete: str) -> list[str]:
-    """Return the objectives that begin so."""
+@_offering
+def objectives() -> list[str]:
+    """Return the objectives."""
     from hdvplan.planning.objective_names import objective_names
 
-    return _beginning(incomplete, objective_names())
+    return objective_names()
 
 
 def listed(offer: Offer) -> Offer:
@@ -55,12 +64,4 @@ def listed(offer: Offer) -> Offer:
 
 def one_of(names: Sequence[str]) -> Offer:
     """Return what offers those of fixed names that begin so."""
-
-    def offered(incomplete: str) -> list[str]:
-        return _beginning(incomplete, names)
-
-    return offered
-
-
-def _beginning(incomplete: str, names: Sequence[str]) -> list[str]:
-    return [name for name in names if name.startswith(incomplete)]
+    return _offering(lambda: names)

@@ -75,7 +75,6 @@ def extract(
 
 
 def _warn_of(routes: tuple[Route, ...], record: Path, *, quiet: bool) -> None:
-    """Warn of the first findings one by one, and of the others by their number: a whole network has hundreds."""
     findings = [(one.label, finding) for one in routes for finding in one.findings]
     for label, finding in findings[:_WARNINGS]:
         place = "" if finding.place is None else f", at {finding.place[1]:.5f}, {finding.place[0]:.5f}"

@@ -49,7 +49,6 @@ class Group(TyperGroup):
 
 
 def _group(it: object, usual: str) -> str:
-    """Return the group of an option or a command; ``usual`` where none was given."""
     panel = getattr(it, "rich_help_panel", None)
     return panel if isinstance(panel, str) else usual
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -17,10 +18,6 @@ from hdvplan.errors import OptionError, RoadError
 from hdvplan.loop.settings import LoopSettings
 from hdvplan.planning.settings import PlannerSettings, PlanOptions
 from hdvplan.road.options import RoadOptions
-
-if TYPE_CHECKING:
-    from hdvplan.judging.result import Result
-    from hdvplan.loop.closed import ClosedLoop
 
 _APART = 0.1  # between a path's articulations and the vehicle's, from which on they are not rounding [rad]
 _JUDGED = ("clearance", "tracking_error", "tracking_length")
@@ -75,7 +72,8 @@ def judge(
         msg = f"--{next(iter(looping)).replace('_', '-')} is of a closed loop, and none was asked for"
         raise OptionError(msg, hint="add --loop driver")
     driving = LoopSettings(**looping)
-    drawn_on = output.drawn_on()
+    output.drawn_on()  # a sheet or a format that cannot be is told before anything is read
+    output.kinds()
     check_folder(output.out)
     from hdvplan.road.load import find_road
 
@@ -88,13 +86,12 @@ def judge(
     from hdvplan.case import Case
     from hdvplan.driving.given import read_given_path
     from hdvplan.fileio import csv_bytes, write_atomically
-    from hdvplan.loop.closed import loop_json, loop_text
+    from hdvplan.loop.closed import closed_loop, loop_json, loop_text
     from hdvplan.loop.track import follower_named
-    from hdvplan.report.files import DRAWINGS, PICTURES
+    from hdvplan.report.files import write_plan
 
     if loop is not None:
         follower_named(loop)  # a mistake is told before the path is followed
-    kinds = output.kinds(PICTURES, DRAWINGS)
     try:
         given = read_given_path(path, driven, None if found.line is None else found.line.raw.to_lonlat)
     except OSError as error:
@@ -117,9 +114,12 @@ def judge(
             warn("that is far: is their unit or sign another? beta1 is the lead unit's heading less the trailer's [rad]", quiet=quiet)
     result = looked_again(result, proof=options.proof, refine=False, quiet=quiet)
     directory = output.out or Path(f"{file_name(path.stem)}.{file_name(track.name)}.{file_name(driven.name)}")
-    runs = None if loop is None else _looped(result, loop, driving, quiet=quiet)
-    looped = None if runs is None else loop_json(runs)
-    write(result, directory, kinds, drawn_on, animate=output.animate, quiet=quiet, loop=looped)
+    runs = looped = None
+    if loop is not None:
+        with progress("driving in a closed loop", quiet=quiet):
+            runs = closed_loop(result, loop, driving)
+        looped = loop_json(runs)
+    write(partial(write_plan, result, loop=looped), directory, output)
     if runs is not None:
         with writing(f"to {directory}"):
             write_atomically(directory / "loop.csv", csv_bytes(runs.frame))
@@ -133,11 +133,3 @@ def judge(
         f"loop.csv has all runs; {'loop_worst.csv is where the worst one was' if runs.results[runs.worst - 1] is None else drawn}",
     )
     return ExitCode.BROKEN
-
-
-def _looped(result: Result, follower: str, settings: LoopSettings, *, quiet: bool) -> ClosedLoop:
-    """Follow a judged path in a closed loop."""
-    from hdvplan.loop.closed import closed_loop
-
-    with progress("driving in a closed loop", quiet=quiet):
-        return closed_loop(result, follower, settings)

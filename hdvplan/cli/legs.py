@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from hdvplan.answers import NO, without_word
 from hdvplan.cli.checks import warn_far_regions
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
+from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn
+from hdvplan.cli.outcome import write
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
     from pathlib import Path
 
     from hdvplan.cli.options import Output
@@ -47,24 +47,13 @@ def legs_in(line: Line, vehicle: Vehicle, reaches: tuple[float, float] | None, *
     return replace(legs, legs=tuple(replace(leg, road=leg.road.with_limits(*reaches)) for leg in legs.legs))
 
 
-def finish(driven: LegsResult, directory: Path, kinds: Collection[str], output: Output) -> ExitCode:
+def finish(driven: LegsResult, directory: Path, output: Output) -> ExitCode:
     """Write the plan into a folder, print its verdict and a row a leg, or its summary as JSON; return the exit code."""
     from hdvplan.judging.sentences import solver_texts
-    from hdvplan.report.files import DRAWINGS
     from hdvplan.report.leg_files import summary_of_legs, write_legs
 
     as_json, quiet = output.json, output.quiet
-    pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
-    with progress(f"writing {directory}/", quiet=quiet) as on_progress, writing(f"to {directory}"):
-        write_legs(
-            driven,
-            directory,
-            pictures=pictures,
-            drawings=drawings,
-            sheet=output.drawn_on(),
-            animate=output.animate,
-            on_progress=on_progress,
-        )
+    write(partial(write_legs, driven), directory, output)
     summary = summary_of_legs(driven)
     if as_json:
         print_json(summary)

@@ -107,11 +107,10 @@ def need(
     roads = [find_road(road, reading.followed_by(driven.max_curvature), limited=given is not None) for driven in vehicles]
     from hdvplan.case import Case
     from hdvplan.need.answer import edge_need_of, need_of
-    from hdvplan.report.files import DRAWINGS, PICTURES
     from hdvplan.report.needs import need_json, write_need
     from hdvplan.report.paper import check_scale
 
-    kinds = output.kinds(PICTURES, DRAWINGS)
+    kinds = output.kinds()
     several = len(vehicles) > 1
     for driven, found in zip(vehicles, roads, strict=True):
         track = smoothed(found, road, quiet=quiet)
@@ -132,40 +131,43 @@ def need(
         directory = output.out or Path(f"{file_name(track.name)}.{'compared' if several else file_name(driven.name)}.need")
         with writing(f"to {directory}"):
             write_need(*answers[-1], directory / file_name(driven.name) if several else directory, kinds, sheet)
-    return _compared(answers, directory, output) if several else _told(*answers[0], directory, output)
+    if several:
+        _write_table([summary for _, summary in answers], directory)
+    return _told(answers, directory, output)
 
 
-def _told(answer: Need, summary: dict[str, Any], directory: Path, output: Output) -> ExitCode:
-    """Print an answer and return the exit code."""
-    if output.json:
-        print_json(summary)
-    elif not output.quiet:
-        _print(answer, directory)
-    return _exit_code(answer)
-
-
-def _compared(answers: list[tuple[Need, dict[str, Any]]], directory: Path, output: Output) -> ExitCode:
-    """Write and print the answers for several vehicles; return the worst exit code."""
+def _write_table(summaries: list[dict[str, Any]], directory: Path) -> None:
     import pandas as pd
 
     from hdvplan.fileio import csv_bytes, write_atomically
-    from hdvplan.report.tables import needs_table
 
-    summaries = [summary for _, summary in answers]
     numbers = [{name: value for name, value in summary.items() if not isinstance(value, list | dict)} for summary in summaries]
     with writing(f"to {directory}"):
         write_atomically(directory / "needs.csv", csv_bytes(pd.DataFrame(numbers)))
+
+
+def _told(answers: list[tuple[Need, dict[str, Any]]], directory: Path, output: Output) -> ExitCode:
+    """Print the answers; return the worst exit code. No plan at any width, or with the fixed edge, is an error."""
+    from hdvplan.report.needs import need_lines, widening_tables
+    from hdvplan.report.tables import needs_table
+
+    several, summaries = len(answers) > 1, [summary for _, summary in answers]
     if output.json:
-        print_json(summaries)
+        print_json(summaries if several else summaries[0])
     elif not output.quiet:
-        for answer, _ in answers:
-            _print_lines(answer)
-        print_tables(needs_table(summaries, f"{directory}/"))
-    return max(_exit_code(answer) for answer, _ in answers)
+        for line in (line for answer, _ in answers for line in need_lines(answer)):
+            print_line(line)
+        widenings = answers[0][0].widenings
+        print_tables(*([needs_table(summaries, f"{directory}/")] if several else [] if widenings is None else widening_tables(widenings)))
+        if not several:
+            print_line(f"written to {directory}/")
+    lacking = [answer for answer, _ in answers if answer.room.result is None]
+    for answer in lacking:
+        report_error(without_word(need_lines(answer)[-1], NO))
+    return ExitCode.BROKEN if lacking else ExitCode.OK
 
 
 def _of_template(name: str, vehicle: str, site: SiteOptions, output: Output) -> int:
-    """Find the least room for a manoeuvre that reverses."""
     template = Template(choice("--template", name, list(Template)))
     if len(names_in(vehicle)) > 1:
         msg = f"--template {template} takes one vehicle, not {vehicle}"
@@ -189,12 +191,6 @@ def _given(held: str | None, room: Room) -> tuple[float, float] | None:
 
 
 def _held(road: Road, side: str, reach: float | None) -> tuple[Kerb, ...]:
-    """Return the kerbs on ``side`` that are fixed: at ``reach`` [m] from the line, or the road's own.
-
-    Raises:
-        OptionError: neither is there.
-
-    """
     from hdvplan.need.search import kerbs_on
 
     if reach is not None:
@@ -206,28 +202,3 @@ def _held(road: Road, side: str, reach: float | None) -> tuple[Kerb, ...]:
         msg = f"the road has no edges of its own, so --fix {side} needs --{side}"
         raise OptionError(msg)
     return kerbs_on(road, side)
-
-
-def _print_lines(answer: Need) -> None:
-    from hdvplan.report.needs import need_lines
-
-    for line in need_lines(answer):
-        print_line(line)
-
-
-def _print(answer: Need, directory: Path) -> None:
-    from hdvplan.report.needs import widening_tables
-
-    _print_lines(answer)
-    print_tables(*(() if answer.widenings is None else widening_tables(answer.widenings)))
-    print_line(f"written to {directory}/")
-
-
-def _exit_code(answer: Need) -> ExitCode:
-    """Return the exit code; no plan at any width, or with the fixed edge, is an error."""
-    from hdvplan.report.needs import need_lines
-
-    if answer.room.result is not None:
-        return ExitCode.OK
-    report_error(without_word(need_lines(answer)[-1], NO))
-    return ExitCode.BROKEN

@@ -13,6 +13,7 @@ import typer
 from hdvplan.cli import completion
 from hdvplan.cli.help import OUTPUT, VEHICLE
 from hdvplan.errors import OptionError
+from hdvplan.report import DRAWINGS, PICTURES
 from hdvplan.settings import Setting, choice
 
 if TYPE_CHECKING:
@@ -115,14 +116,14 @@ class Output:
 
         return SheetOptions.named(self.sheet, self.scale, self.stamps)
 
-    def kinds(self, pictures: Sequence[str], drawings: Sequence[str]) -> list[str]:
-        """Return which of these formats are asked for; without ``plot`` no pictures.
+    def kinds(self, drawings: Sequence[str] = DRAWINGS) -> list[str]:
+        """Return which of ``PICTURES`` and ``drawings`` are asked for; without ``plot`` no pictures.
 
         Raises:
             OptionError: one is none of them.
 
         """
-        kinds = [choice("--format", kind.strip(), (*pictures, *drawings)) for kind in self.formats.split(",")]
+        kinds = [choice("--format", kind.strip(), (*PICTURES, *drawings)) for kind in self.formats.split(",")]
         return [kind for kind in kinds if self.plot or kind in drawings]
 
 

@@ -10,11 +10,13 @@ from hdvplan.answers import NO, without_word
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hdvplan.cli.options import Output
     from hdvplan.judging.result import Result
     from hdvplan.judging.verdict import Verdict
     from hdvplan.pieces import CaseOf
     from hdvplan.planning.settings import PlannerSettings
-    from hdvplan.report.paper import SheetOptions
     from hdvplan.road.line import Line
     from hdvplan.road.load import Found
     from hdvplan.road.road import Road
@@ -81,17 +83,10 @@ def cleared(result: Result, *, quiet: bool) -> Result:
     return found
 
 
-def write(
-    result: Result, directory: Path, kinds: list[str], sheet: SheetOptions | None, *, animate: bool, quiet: bool, loop: Json | None = None
-) -> None:
-    """Write the files of a judged drive, with pictures and drawings of these ``kinds``, and what a closed ``loop`` along it gave."""
-    from hdvplan.report.files import DRAWINGS, write_plan
-
-    pictures, drawings = ([kind for kind in kinds if (kind in DRAWINGS) == drawn] for drawn in (False, True))
-    with progress(f"writing {directory}/", quiet=quiet) as on_progress, writing(f"to {directory}"):
-        write_plan(
-            result, directory, pictures=pictures, drawings=drawings, sheet=sheet, animate=animate, on_progress=on_progress, loop=loop
-        )  # fmt: skip
+def write(files: Callable[..., None], directory: Path, output: Output) -> None:
+    """Write a judged drive by ``write_plan`` or ``write_legs`` into a folder, with the pictures and drawings that are asked for."""
+    with progress(f"writing {directory}/", quiet=output.quiet) as on_progress, writing(f"to {directory}"):
+        files(directory, pictures=output.kinds(), sheet=output.drawn_on(), animate=output.animate, on_progress=on_progress)
 
 
 def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool, loop: Json | None = None) -> Verdict:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,7 @@ from hdvplan.cli.outcome import cleared, compare, exit_code_of, looked_again, pl
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import LARGEST, PlannerSettings, PlanOptions
+from hdvplan.report import DRAWINGS
 from hdvplan.road.options import RoadOptions
 from hdvplan.settings import choice, fields_of
 
@@ -117,7 +119,8 @@ def plan(
     if leg_line is not None:
         choice("--leg-line", leg_line, (LEAD, LAST))
     asked = _Asked(road, room.reaches(), reading, settings, options, output, largest, leg_line, centreline)
-    output.drawn_on()  # a sheet that cannot be is told before anything is read
+    output.drawn_on()  # a sheet or a format that cannot be is told before anything is read
+    output.kinds()
     if (meeting := meeting_of(options)) is not None:
         s_from, s_to = meeting
         note(f"holds while the other vehicle stays between s = {s_from:z.1f} and {s_to:z.1f} m, as this one drives", quiet=output.quiet)
@@ -145,6 +148,8 @@ def _found(asked: _Asked, vehicle: Vehicle) -> Found:
 
 
 def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
+    from hdvplan.report.files import write_plan
+
     found, output = _found(asked, vehicle), asked.output
     if found.line is not None and found.line.raw.legs:
         return _plan_legs(asked, found.line, vehicle)
@@ -155,7 +160,7 @@ def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
         return _plan_long(asked, found, found.line, vehicle)
     result = _planned(asked, found, vehicle)
     directory = output.out or Path(f"{file_name(result.case.road.name)}.{file_name(vehicle.name)}")
-    _write(asked, result, directory)
+    write(partial(write_plan, result), directory, output)
     if asked.centreline is not None:
         _write_centreline(asked, result, asked.centreline)
     verdict = tell(result, directory, as_json=output.json, quiet=output.quiet)
@@ -163,7 +168,8 @@ def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
 
 
 def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
-    """Plan several vehicles, write each into a folder of its own, and compare them."""
+    from hdvplan.report.files import write_plan
+
     output, results = asked.output, []
     for vehicle in vehicles:
         found = _found(asked, vehicle)
@@ -171,19 +177,8 @@ def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
             refuse_on(found.line, {"--vehicle with several names": bool(found.line.raw.legs) or found.line.long})
         results.append(_planned(asked, found, vehicle))
         directory = output.out or Path(f"{file_name(results[0].case.road.name)}.compared")
-        _write(asked, results[-1], directory / file_name(vehicle.name))
-    return compare(results, directory, picture="png" in _kinds(output), as_json=output.json, quiet=output.quiet)
-
-
-def _kinds(output: Output) -> list[str]:
-    from hdvplan.report.files import DRAWINGS, PICTURES
-
-    return output.kinds(PICTURES, DRAWINGS)
-
-
-def _write(asked: _Asked, result: Result, directory: Path) -> None:
-    output = asked.output
-    write(result, directory, _kinds(output), output.drawn_on(), animate=output.animate, quiet=output.quiet)
+        write(partial(write_plan, results[-1]), directory / file_name(vehicle.name), output)
+    return compare(results, directory, picture="png" in output.kinds(), as_json=output.json, quiet=output.quiet)
 
 
 def _check_centreline(road: str, vehicles: list[str]) -> None:
@@ -196,7 +191,6 @@ def _check_centreline(road: str, vehicles: list[str]) -> None:
 
 
 def _write_centreline(asked: _Asked, result: Result, target: Path) -> None:
-    """Write the map that the road was read from, with the driven line."""
     import numpy as np
     import shapely
 
@@ -213,13 +207,12 @@ def _write_centreline(asked: _Asked, result: Result, target: Path) -> None:
 
 def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int:
     from hdvplan.planning.bias import CENTRE, NONE, bias_named
-    from hdvplan.report.files import DRAWINGS
 
     output, bias = asked.output, asked.options.bias
     dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
     dropped |= {f"--clearance {LARGEST}": asked.largest, "--beside": asked.options.beside is not None}
     dropped |= {"--centreline": asked.centreline is not None}
-    dropped |= {"--tracking-error": asked.settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*_kinds(output)} & {*DRAWINGS})}
+    dropped |= {"--tracking-error": asked.settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*output.kinds()} & {*DRAWINGS})}
     refuse_on(line, dropped)
     check_room(vehicle, asked.reaches)
     along = NONE if bias is None else bias_named(bias, None)
@@ -246,7 +239,6 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
         "--pass": options.side is not None,
     }
     refuse_on(line, dropped)
-    kinds = _kinds(output)
     check_room(vehicle, asked.reaches)
     legs = legs_in(line, vehicle, asked.reaches, last_axle=asked.leg_line == LAST, quiet=output.quiet)
     check_scale(output.drawn_on(), [leg.road.path for leg in legs.legs], vehicle, whole=True)
@@ -261,14 +253,13 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
             on_progress=on_progress,
         )
     folder = output.out or Path(f"{file_name(line.name)}.{file_name(vehicle.name)}")
-    return finish(driven, folder, kinds, output)
+    return finish(driven, folder, output)
 
 
 def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
     from hdvplan import api
     from hdvplan.report.paper import check_scale
 
-    _kinds(asked.output)  # mistakes are told before anything is smoothed
     options, quiet = asked.options, asked.output.quiet
     track = smoothed(found, asked.road, quiet=quiet)
     warn_no_side(track, options.side, quiet=quiet)

@@ -54,12 +54,6 @@ def reproduce(
 
 
 def _run(names: Sequence[str], out: Path, on_progress: Progress, *, quiet: bool) -> list[Study]:
-    """Run studies one after the other and write each as soon as it is done.
-
-    Raises:
-        OptionError: the folder or a file cannot be written.
-
-    """
     from hdvplan.record import write_record
     from hdvplan.reproduce.study import write_study, write_summary
 
@@ -81,7 +75,6 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress, *, quiet: bool)
 
 
 def _print(studies: list[Study], out: Path) -> None:
-    """Print a study's table; of several the headline rows."""
     from hdvplan.report.grid import grid
     from hdvplan.reproduce.study import counted, every_row, shown, summary_of
 

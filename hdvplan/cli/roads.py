@@ -257,7 +257,6 @@ def _fit_json(fit: Fit) -> dict[str, object]:
 
 
 def _csv(profile: Profile, half_width: float | None) -> str:
-    """Return the profile as a road file whose numbers read back exactly."""
     extra = "" if half_width is None else f",{half_width!r},{half_width!r}"
     header = "s,kappa" if half_width is None else "s,kappa,left,right"
     lines = [f"{s!r},{kappa!r}{extra}" for s, kappa in zip(*profile, strict=True)]

@@ -69,7 +69,6 @@ class OptionsOf:
 
 
 def _typed(field: Field) -> tuple[Any, bool]:
-    """Return a field's type as Typer takes it, and whether its option may be repeated."""
     if get_origin(field.kind) is tuple:
         return (str, False) if field.setting.listed else (list[str], True)
     if get_args(field.kind) or (isinstance(field.kind, type) and issubclass(field.kind, StrEnum)):

@@ -64,7 +64,6 @@ def solvers(
 
 
 def _check(name: str, *, json: bool) -> int:
-    """Print the finding of every rule of the contract."""
     from dataclasses import asdict
 
     from hdvplan.qp.program import StageShape

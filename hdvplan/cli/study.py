@@ -155,14 +155,12 @@ def _cells(count: int) -> str:
 
 
 def _summary(results: Results, cells: int) -> str:
-    """Return the study in a sentence."""
     words = [f"{count} {word}" for word in WORDS if (count := results.fits.get(word, 0))]
     words += [f"{count} {ending}" for ending, count in sorted(results.outcomes.items()) if ending != "planned"]
     return f"{_cells(cells)}: {', '.join(words)}"
 
 
 def _ranking(results: Results) -> list[Table]:
-    """Return the head of the ranking as a table; nothing where every vehicle fits."""
     from math import isnan
 
     from hdvplan.report.grid import grid

@@ -14,6 +14,7 @@ from hdvplan.cli.help import OUTPUT, SITE
 from hdvplan.cli.options import WRITTEN, Output, VehicleOrNoneOption, check_folder, file_name
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
+from hdvplan.report import TURN_DRAWINGS
 from hdvplan.settings import Setting, choice
 from hdvplan.turning.reversing.options import SiteOptions, Template, template_named
 
@@ -123,12 +124,11 @@ def turn(
     if output.drawn_on() is not None:
         msg = "--sheet is for the templates that reverse"
         raise OptionError(msg, hint="--format pdf draws the turn as a picture, --format dxf to scale for CAD")
-    from hdvplan.report.files import PICTURES
-    from hdvplan.report.turns import TURN_DRAWINGS, turn_json, turn_table, write_turn
+    from hdvplan.report.turns import turn_json, turn_table, write_turn
     from hdvplan.turning.turn import broken_words, verdict
     from hdvplan.turning.turn import turn as drive
 
-    kinds, wanted = output.kinds(PICTURES, TURN_DRAWINGS), described.wanted()
+    kinds, wanted = output.kinds(TURN_DRAWINGS), described.wanted()
     found = drive(vehicle_named(vehicle, quiet=output.quiet), wanted)
     directory = output.out or Path(_folder(found))
     with writing(f"to {directory}"):
@@ -146,13 +146,11 @@ def turn(
 
 def answered(template: Template, vehicle: str, site: SiteOptions, output: Output, *, starts: int, called: str) -> ExitCode:
     """Make a manoeuvre, write it into files ``called`` so, print it, and return the exit code; ``need`` tries all numbers of legs."""
-    from hdvplan.report.files import PICTURES
     from hdvplan.report.reversals import reversal_json, reversal_tables, write_reversal
-    from hdvplan.report.turns import TURN_DRAWINGS
     from hdvplan.turning.reversing.answer import reversing
     from hdvplan.turning.reversing.words import details, refusal, verdict
 
-    kinds, sheet = output.kinds(PICTURES, TURN_DRAWINGS), output.drawn_on()
+    kinds, sheet = output.kinds(TURN_DRAWINGS), output.drawn_on()
     driven = vehicle_named(vehicle, quiet=output.quiet)
     with progress(f"looking for a manoeuvre of {driven.name}", quiet=output.quiet) as on_progress:
         answer = reversing(driven, template, site, starts=starts, all_legs=called == "need", on_progress=on_progress)
@@ -173,7 +171,6 @@ def answered(template: Template, vehicle: str, site: SiteOptions, output: Output
 
 
 def _folder(found: Turn) -> str:
-    """Return the default folder's name."""
     from math import degrees
 
     manoeuvre = found.driven.manoeuvre
@@ -183,7 +180,6 @@ def _folder(found: Turn) -> str:
 
 
 def _list(*, json: bool) -> int:
-    """Print the shipped templates."""
     from math import degrees
 
     from hdvplan.report.grid import grid

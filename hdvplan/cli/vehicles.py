@@ -13,6 +13,7 @@ from hdvplan.cli.console import ExitCode, note, print_json, print_tables, writin
 from hdvplan.cli.help import OUTPUT, Command
 from hdvplan.cli.options import JsonOption, file_name
 from hdvplan.errors import OptionError
+from hdvplan.report import PICTURES
 from hdvplan.settings import choice
 
 if TYPE_CHECKING:
@@ -82,17 +83,11 @@ def show_vehicle(
 
 
 def _draw(vehicle: Vehicle, file: Path) -> Path:
-    """Draw ``vehicle`` into ``file`` and return it.
-
-    Raises:
-        OptionError: the file's ending names no picture, or it cannot be written.
-
-    """
     from hdvplan.fileio import write_atomically
     from hdvplan.report.drawing import vehicle_figure
     from hdvplan.report.style import figure_bytes
 
-    kind = choice("the drawing's ending", file.suffix.lower().removeprefix("."), ("png", "pdf", "svg"))
+    kind = choice("the drawing's ending", file.suffix.lower().removeprefix("."), PICTURES)
     with writing(f"{file}", "choose another file: hdvplan vehicles show NAME --plot FILE"):
         write_atomically(file, figure_bytes(vehicle_figure(vehicle), kind))
     return file

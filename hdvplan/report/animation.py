@@ -99,7 +99,6 @@ def paced(spacing: float) -> int:
 
 
 def _stretches(result: Result) -> list[Window]:
-    """Return the stretches around the tightest places, those that overlap as one."""
     length, half = result.drive.road.path.length, half_length(result.drive.vehicle)
     middles = ((0.5 * (window.s_from + window.s_to), window.label) for window in tightest_windows(result))
     return joined(Window(max(0.0, middle - half), min(length, middle + half), label) for middle, label in middles)
@@ -133,7 +132,6 @@ def _palette(ground: Image.Image, fills: tuple[Colour, ...], bodies: int) -> Ima
 
 
 def _sweep(mask: Image.Image, old: Pixels, new: Pixels) -> None:
-    """Add the way of a body from one pose to the next to what was swept."""
     draw = ImageDraw.Draw(mask)
     draw.polygon(new, fill=255)
     for (a, b), (c, d) in zip(pairwise([*old, old[0]]), pairwise([*new, new[0]]), strict=True):  # what an edge passes over
@@ -141,7 +139,6 @@ def _sweep(mask: Image.Image, old: Pixels, new: Pixels) -> None:
 
 
 def _repaint(shown: Image.Image, masks: list[Image.Image], ground: Ground, bodies: list[Pixels], inside: Box) -> None:
-    """Paint what was swept anew around bodies, inside the axes."""
     x, y = zip(*(point for body in bodies for point in body), strict=True)
     box = (
         max(inside[0], int(min(x)) - 1),
@@ -160,7 +157,6 @@ def _repaint(shown: Image.Image, masks: list[Image.Image], ground: Ground, bodie
 
 
 def _map(result: Result, window: Window) -> Ground:
-    """Return the map of one stretch without the vehicle and what it sweeps."""
     drive, verdict = result.drive, verdict_of(result)
     points, room = np.column_stack(drive.road.path.to_plane(stations(window), 0.0)), reach_within(result, window)
 
@@ -193,7 +189,6 @@ def ground_of(draw: Callable[[Axes], None], swept: Sequence[str], head: tuple[st
 
 
 def _pixels(axes: Axes, outline: FloatArray) -> Pixels:
-    """Return a body's corners, shape (4, 2) [m], as pixels of the map."""
     places = axes.transData.transform(outline)
     height = axes.figure.bbox.height
     return [(float(x), float(height - y)) for x, y in places]

@@ -114,7 +114,6 @@ def _draw_enlarged(
 
 
 def _draw_depths(axes: Axes, result: Result, window: Window) -> None:
-    """Write how deep the deepest breaches of limits are on a stretch that are far enough apart to be written beside each other."""
     begin, end = judged_stretch(result, window.s_from, window.s_to)
     kept = list[Breach]()
     for breach in sorted(result.balance.breaches, key=lambda breach: -breach.depth):
@@ -198,7 +197,6 @@ def _range(patch: Drawn) -> tuple[float, float]:
 
 
 def _write_widening(axes: Axes, patches: Sequence[Drawn], window: Window) -> None:
-    """Write beside every area that is to be widened how deep and how large it is."""
     for patch in patches:
         begin, end = _range(patch)
         if end >= window.s_from and begin <= window.s_to:

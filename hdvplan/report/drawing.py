@@ -87,7 +87,6 @@ def _draw_unit(axes: Axes, number: int, unit: Unit, axle: float) -> None:
 
 
 def _draw_axle(axes: Axes, at: float, half: float, turned: float, colour: str) -> None:
-    """Draw an axle and its wheels, turned to the left by ``turned`` degrees."""
     length, thick = _WHEEL_M
     axes.plot([at, at], [-half + thick, half - thick], color=colour, linewidth=1.2, zorder=4)
     for y in (-half + thick, half - thick):

@@ -123,7 +123,6 @@ def _layer(document: Drawing, feature: Drawn) -> str:
 
 
 def _write_notes(document: Drawing, space: Modelspace, bounds: FloatArray, lines: Sequence[str]) -> None:
-    """Write lines above everything else, which lies within ``bounds``."""
     document.layers.add(_NOTES, color=7)
     left, low, right, high = (float(bound) for bound in bounds)
     height = min(max(_NOTES_SHARE * max(right - left, high - low), _NOTES_M[0]), _NOTES_M[1])
@@ -132,7 +131,6 @@ def _write_notes(document: Drawing, space: Modelspace, bounds: FloatArray, lines
 
 
 def _plain(line: str) -> str:
-    """Return a line without what MTEXT reads as a command."""
     return re.sub(r"([\\{}])", r"\\\1", _literal(line))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -16,14 +17,17 @@ from hdvplan.fileio import Together, json_bytes
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of
 from hdvplan.record import NAME, record_of
+from hdvplan.report import DRAWINGS, PICTURES
 from hdvplan.report.geojson import swept_geojson
-from hdvplan.report.layers import Drawn, drawing_system, drawn_features, limit_features, map_system
+from hdvplan.report.layers import Drawn, System, drawing_system, drawn_features, limit_features, map_system
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import Json, summary_of
 from hdvplan.road.regions import Region, outlines_of
+from hdvplan.road.road import Road
 
-PICTURES = ("png", "pdf", "svg")
-DRAWINGS = ("dxf", "gpkg")  # for CAD and GIS
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 SHEET = "sheet.pdf"
 SWEPT, REGIONS, LIMITS = "swept.geojson", "regions.json", "limits.json"
 FILM = "drive.gif"
@@ -65,7 +69,7 @@ def write_plan(
     """
     fails = without_word(str(loop["text"]), NO).partition(";")[0] if loop is not None and loop["fits"] is False else ""
     contents: dict[str, Callable[[], bytes]] = {
-        **{name: partial(_table, table_of, result) for name, table_of in TABLES.items()},
+        **{name: partial(lambda table_of: table_bytes(table_of(result)), table_of) for name, table_of in TABLES.items()},
         REGIONS: lambda: json_bytes(regions_json(result.drive.road.regions), indent=None),
         LIMITS: lambda: json_bytes(limits_json(result), indent=None),
         SWEPT: lambda: json_bytes(swept_geojson(result), indent=None),
@@ -73,9 +77,13 @@ def write_plan(
     }
     contents |= {f"plan.{kind}": partial(drawn_bytes, result, kind, fails) for kind in (*pictures, *drawings)}
     if sheet is not None:
-        contents[SHEET] = partial(_sheet, result, sheet)
+        from hdvplan.report.sheet import sheet_bytes  # noqa: PLC0415 - Matplotlib takes a while to import
+
+        contents[SHEET] = partial(sheet_bytes, result, sheet)
     if animate:
-        contents[FILM] = partial(_film, result)
+        from hdvplan.report.animation import film_bytes  # noqa: PLC0415 - as above
+
+        contents[FILM] = partial(film_bytes, result)
     contents[FILES.last] = lambda: json_bytes(summary_of(result) | ({} if loop is None else {"loop": loop}))
     FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
 
@@ -157,10 +165,6 @@ TABLES: dict[str, Callable[[Result], Table]] = {
 }  # fmt: skip
 
 
-def _table(table_of: Callable[[Result], Table], result: Result) -> bytes:
-    return table_bytes(table_of(result))
-
-
 def _metres(values: FloatArray) -> Column:
     return Column(np.round(values, 6) + 0.0, "%.6f")  # -0 is 0
 
@@ -193,41 +197,37 @@ def limits_json(result: Result) -> list[Json]:
     ]
 
 
-def drawing_bytes(result: Result, kind: str, features: Sequence[Drawn], answer: Sequence[str], road: str | None = None) -> bytes:
-    """Return ``features`` as a file of one of ``DRAWINGS``, in the coordinate system of a plan's road or one that suits the kind.
+def drawing_bytes(
+    kind: str, figure: Callable[[], Figure], features: Callable[[], Sequence[Drawn]], notes: Sequence[str], where: Road | System
+) -> bytes:
+    """Return a file of one of ``PICTURES``, of ``figure``, or of ``DRAWINGS``, of ``features`` under the lines ``notes``.
 
-    Notes in it begin with the lines of ``answer`` and go on with what is driven: the plan's road, or what ``road`` calls it.
+    These are in the coordinate system ``where``, that of a road or one that suits the kind.
     """
-    driven, vehicle = result.drive.road, result.drive.vehicle
-    if kind == "gpkg":
-        from hdvplan.report.geopackage import geopackage_bytes  # noqa: PLC0415 - GDAL, ezdxf and Matplotlib take a while to import
+    if kind not in DRAWINGS:
+        from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - GDAL, ezdxf and Matplotlib take a while to import
 
-        return geopackage_bytes(features, map_system(driven))
+        return figure_bytes(figure(), kind)
+    if kind == "gpkg":
+        from hdvplan.report.geopackage import geopackage_bytes  # noqa: PLC0415 - as above
+
+        return geopackage_bytes(features(), where if isinstance(where, System) else map_system(where))
     from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - as above
 
-    notes = [*answer, f"road: {road or f'{driven.name}, {driven.path.length:.1f} m'}", f"vehicle: {vehicle.name}"]
-    return dxf_bytes(features, drawing_system(driven), notes, driven.notice)
+    system, notice = (where, None) if isinstance(where, System) else (drawing_system(where), where.notice)
+    return dxf_bytes(features(), system, notes, notice)
 
 
 def drawn_bytes(result: Result, kind: str, fails: str = "") -> bytes:
     """Return a plan as a file of one of ``PICTURES`` or ``DRAWINGS``; ``fails``: see ``plan_figure``."""
-    if kind in DRAWINGS:
-        verdict = verdict_of(result)
-        answer = [verdict_line(result, verdict), verdict_details(result, verdict), *filter(None, [fails])]
-        return drawing_bytes(result, kind, drawn_features(result), answer)
     from hdvplan.report.plots import plan_figure  # noqa: PLC0415 - as above
-    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
-    return figure_bytes(plan_figure(result, fails), kind)
-
-
-def _film(result: Result) -> bytes:
-    from hdvplan.report.animation import film_bytes  # noqa: PLC0415 - as above
-
-    return film_bytes(result)
+    verdict = verdict_of(result)
+    notes = [verdict_line(result, verdict), verdict_details(result, verdict), *filter(None, [fails]), *driven_notes(result)]
+    return drawing_bytes(kind, partial(plan_figure, result, fails), partial(drawn_features, result), notes, result.drive.road)
 
 
-def _sheet(result: Result, options: SheetOptions) -> bytes:
-    from hdvplan.report.sheet import sheet_bytes  # noqa: PLC0415 - as above
-
-    return sheet_bytes(result, options)
+def driven_notes(result: Result) -> list[str]:
+    """Return the lines of a drawing's notes about what is driven."""
+    road = result.drive.road
+    return [f"road: {road.name}, {road.path.length:.1f} m", f"vehicle: {result.drive.vehicle.name}"]

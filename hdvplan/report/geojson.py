@@ -155,7 +155,6 @@ def _rounded(area: BaseGeometry, grid: float) -> BaseGeometry:
 
 
 def _coordinates(geometry: BaseGeometry, digits: int) -> list[Any]:
-    """Return the nested coordinates of a line, or of one or several areas, rounded."""
     if isinstance(geometry, shapely.MultiPolygon):
         return [_coordinates(part, digits) for part in geometry.geoms]
     if isinstance(geometry, shapely.Polygon):

@@ -131,7 +131,6 @@ def short_labels(plans: Sequence[PlanFiles]) -> list[str]:
 
 
 def _apart(labels: list[str], plans: Sequence[PlanFiles]) -> list[str]:
-    """Return the labels, those that are alike with the plans' folders."""
     return [f"{label} ({plan.directory.name})" if labels.count(label) > 1 else label for label, plan in zip(labels, plans, strict=True)]
 
 
@@ -147,13 +146,11 @@ def _row(summaries: Sequence[Json], name: str, unit: str, key: str, digits: int 
 
 
 def _narrowest(plan: PlanFiles) -> float | None:
-    """Return the least width between the limits of a plan, which its summary has not [m]."""
     width = plan.envelope["left_limit"] - plan.envelope["right_limit"]
     return float(width.min()) if width.notna().any() else None
 
 
 def _headings(plans: Sequence[PlanFiles]) -> list[str]:
-    """Return vehicles and roads, and how they were planned only where that tells plans apart."""
     ways = {tuple(str(plan.summary[key]) for key in _HOW) for plan in plans}
     subjects = [f"{plan.summary['vehicle']} on {plan.summary['road']}" for plan in plans]
     return _apart(subjects if len(ways) == 1 else [label_of(plan.summary) for plan in plans], plans)
@@ -213,7 +210,6 @@ def _section(one: Pictured) -> Json:
 
 
 def _broken(breach: Json) -> str:
-    """Return what a breach is of: an obstacle, by its name, or an edge of the road, by what it binds."""
     obstacle = breach.get("obstacle")
     if obstacle is not None:
         return called(obstacle)

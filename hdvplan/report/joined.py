@@ -133,7 +133,6 @@ def kept_of(one: Judged) -> Kept:
 
 
 def _moved(value: object, by: float, key: str = "") -> object:
-    """Return a value of a summary with every arclength in it moved by ``by`` [m]."""
     match value:
         case dict():
             return {name: _moved(one, by, name) for name, one in value.items()}
@@ -185,7 +184,6 @@ def _obstacles(pieces: Sequence[Kept]) -> list[Json]:
 
 
 def _of(pick: Callable[[list[Any]], Any], values: Sequence[Any]) -> Any:  # noqa: ANN401 - numbers or truth values
-    """Return the largest or the least of the values that there are, None without any."""
     there = [value for value in values if value is not None]
     return pick(there) if there else None
 
@@ -211,7 +209,6 @@ def _verdict(every: Sequence[Json]) -> Json:
 
 
 def _breaches(breaches: list[Json]) -> list[Json]:
-    """Return breaches in order of s; one that goes on over a cut is one."""
     found: list[Json] = []
     for breach in sorted(breaches, key=lambda one: one["s_from"]):
         before = next((one for one in reversed(found) if _goes_on(one, breach)), None)
@@ -241,7 +238,6 @@ def _use(uses: list[Json]) -> Json:
 
 
 def _smoothing(every: Sequence[Mapping[str, Any] | None], lengths: Sequence[float]) -> Json | None:
-    """Return what smoothing did to the whole line; points in an overlap count twice."""
     there = [(one, length) for one, length in zip(every, lengths, strict=True) if one is not None]
     if not there:
         return None

@@ -85,7 +85,6 @@ def shown_kerbs(result: Result, s_from: float = 0.0, s_to: float = np.inf) -> li
 
 
 def _less(kerbs: list[KerbLine], hidden: Iterable[FloatArray | shapely.LineString]) -> list[KerbLine]:
-    """Return what of kerbs does not lie on lines."""
     area = _around(hidden)
     return _parts(kerbs, lambda line: line - area)
 

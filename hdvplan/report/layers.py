@@ -134,7 +134,6 @@ def _vehicles(result: Result) -> Iterator[Drawn]:
 
 
 def _clearances(result: Result) -> Iterator[Drawn]:
-    """Return lines across the room at the tightest places, where limits are kept."""
     for at in peaks(result.envelope.s, tightness(result), _CLEARANCES_APART_M, _CLEARANCES) if result.gaps else ():
         room = room_at(result, at)
         if not room.broken:  # else a conflict
@@ -144,7 +143,6 @@ def _clearances(result: Result) -> Iterator[Drawn]:
 
 
 def _conflicts(result: Result) -> Iterator[Drawn]:
-    """Return what was swept beyond an edge, and the parts of obstacles that bodies entered."""
     vehicle = result.drive.vehicle
     for breach in result.balance.breaches:
         area = beyond_kerb(result, breach) if breach.obstacle is None else shared_with(result, approach_of(result, breach))

@@ -17,7 +17,7 @@ from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import JACKKNIFE, Jackknife, LegsResult
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
-from hdvplan.report.files import DRAWINGS, FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, drawing_bytes, path_table, regions_json
+from hdvplan.report.files import FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, drawing_bytes, path_table, regions_json
 from hdvplan.report.geojson import REGION, region_feature, swept_features
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body, region_features
 from hdvplan.report.paper import SheetOptions
@@ -55,9 +55,13 @@ def write_legs(
     }
     contents |= {f"plan.{kind}": partial(_drawn, driven, kind) for kind in (*pictures, *drawings)}
     if sheet is not None:
-        contents[SHEET] = partial(_sheet, driven, sheet)
+        from hdvplan.report.leg_sheet import legs_sheet_bytes  # noqa: PLC0415 - as below
+
+        contents[SHEET] = partial(legs_sheet_bytes, driven, sheet)
     if animate:
-        contents[FILM] = partial(_film, driven)
+        from hdvplan.report.leg_plots import legs_film_bytes  # noqa: PLC0415 - as below
+
+        contents[FILM] = partial(legs_film_bytes, driven)
     contents[FILES.last] = lambda: json_bytes(summary_of_legs(driven))
     FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
 
@@ -131,26 +135,12 @@ def _driven(table: Table, leg: Leg) -> Table:
 
 
 def _drawn(driven: LegsResult, kind: str) -> bytes:
-    if kind in DRAWINGS:
-        length = sum(leg.road.path.length for leg in driven.legs.legs)
-        road = f"{driven.legs.name}, {len(driven.legs.legs)} legs, {length:.1f} m"
-        return drawing_bytes(driven.results[0], kind, leg_features(driven), [driven.text, driven.details], road)
     from hdvplan.report.leg_plots import legs_figure  # noqa: PLC0415 - Matplotlib takes a while to import
-    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
-    return figure_bytes(legs_figure(driven), kind)
-
-
-def _sheet(driven: LegsResult, options: SheetOptions) -> bytes:
-    from hdvplan.report.leg_sheet import legs_sheet_bytes  # noqa: PLC0415 - as above
-
-    return legs_sheet_bytes(driven, options)
-
-
-def _film(driven: LegsResult) -> bytes:
-    from hdvplan.report.leg_plots import legs_film_bytes  # noqa: PLC0415 - as above
-
-    return legs_film_bytes(driven)
+    first, legs = driven.results[0].drive, driven.legs
+    road = f"road: {legs.name}, {len(legs.legs)} legs, {sum(leg.road.path.length for leg in legs.legs):.1f} m"
+    notes = [driven.text, driven.details, road, f"vehicle: {first.vehicle.name}"]
+    return drawing_bytes(kind, partial(legs_figure, driven), partial(leg_features, driven), notes, first.road)
 
 
 def leg_features(driven: LegsResult) -> tuple[Drawn, ...]:

@@ -1,35 +1,150 @@
-"""A drive of several legs, as a picture and as a film.
-
-The picture has one map of all legs, and what the vehicle does over the way that it drives; in the film it moves forwards and backwards.
-"""
+"""Drives of several legs, forwards and backwards told apart: on a map, over the way driven, and as a film."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import LegsResult
 from hdvplan.report.animation import LAST_MS, Pose, frames_of, gif_bytes, ground_of, paced
-from hdvplan.report.colours import BREACH, INK, MUTED, answer_colour, body_colour
-from hdvplan.report.leg_maps import COLOURS, draw_ground, draw_stops, draw_swept, stops_of
-from hdvplan.report.maps import ROOM_M, finish_map, frame
-from hdvplan.report.style import SLIDE_IN, styled, write_head
+from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, MUTED, answer_colour, body_colour
+from hdvplan.report.layers import kerb_features, region_features
+from hdvplan.report.maps import ROOM_M, SLIDE, UNTURNED, Turn, draw_bodies, draw_features, finish_map, frame, outline_of, point
+from hdvplan.report.style import ON_WHITE, SLIDE_IN, styled, write_head
 from hdvplan.road.legs import direction_of
 from hdvplan.road.regions import Kind
 from hdvplan.vehicle.kinematics import critical_angles
 
+_COLOURS, _DASHES = BODY_COLOURS[:2], ("solid", (0, (4, 1.5)))  # forward, backward
+_PALE = 0.22  # of swept areas
+_ARROWS_M = 6.0  # of way, about, from one arrow to the next
+_LABELS_PT = {"start": (-44.0, 20.0), "end": (16.0, -26.0)}  # they may be one place
+_LABEL_PT = (16.0, 16.0)  # of cusps
 _SHADE = 0.10  # behind what is driven backwards
 _ROOMY_M = 3.0  # more room than that needs no place in a diagram
 _SHOWN = 1.3  # times the largest articulation is a critical angle near enough to be drawn
+_STANDS_MS = 900  # at a cusp, while the steering turns
 
 Panel = Callable[[Axes, LegsResult, int, FloatArray], None]  # draws a leg, given what turns its s into the way driven
-_STANDS_MS = 900  # at a cusp, while the steering turns
+
+
+class Way(NamedTuple):
+    """A leg on a map: its lead rear axle's line in the order of driving (n, 2) [m], and what is swept on it."""
+
+    backward: bool
+    line: FloatArray
+    swept: BaseGeometry
+
+
+class Stop(NamedTuple):
+    """Where the vehicle stands: articulations [deg], place of the lead rear axle (2,) and outlines (bodies, 4, 2) [m]."""
+
+    name: str
+    angles: FloatArray
+    place: FloatArray
+    outlines: FloatArray
+
+    @property
+    def text(self) -> str:
+        """The name with the articulation in whole degrees."""
+        whole = np.round(self.angles) + 0.0  # -0 is 0
+        return f"{self.name}: articulation {', '.join(f'{angle:+.0f}°' for angle in whole)}" if len(whole) else self.name
+
+
+def ends_of(legs: int) -> list[tuple[int, int, str]]:
+    """Return where a vehicle that drives so many legs stands: number of the leg, 0 at its begin or -1 at its end, and the name."""
+    return [(0, 0, "start"), *((at, -1, f"cusp {at + 1}") for at in range(legs - 1)), (legs - 1, -1, "end")]
+
+
+def ways_of(driven: LegsResult) -> tuple[Way, ...]:
+    """Return the legs of a drive."""
+    ways = []
+    for result, leg, swept in zip(driven.results, driven.legs.legs, driven.swept, strict=True):
+        drive = result.drive
+        line = np.column_stack(drive.stations.path.to_plane(drive.poses_s, drive.poses_z[:, 0]))
+        ways.append(Way(leg.backward, line[:: -1 if leg.backward else 1], swept))
+    return tuple(ways)
+
+
+def stops_of(driven: LegsResult) -> tuple[Stop, ...]:
+    """Return where the vehicle stands, in the order of driving."""
+    ways, stops = ways_of(driven), []
+    for at, when, name in ends_of(len(ways)):
+        drive = driven.results[at].drive
+        pose = 0 if (when == 0) is not ways[at].backward else len(drive.poses_s) - 1
+        stops.append(Stop(name, np.degrees(driven.articulation(at)[when]), ways[at].line[when], corners(drive, np.array([pose]))[0]))
+    return tuple(stops)
+
+
+def draw_swept(axes: Axes, ways: Sequence[Way], *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
+    """Draw what is swept on each leg, labelled once a direction."""
+    named = set[str]()
+    for way in ways:
+        label = f"swept {direction_of(backward=way.backward)}"
+        look = {"facecolor": to_rgba(_COLOURS[way.backward], _PALE), "edgecolor": _COLOURS[way.backward], "linewidth": 0.6 * weight}
+        area, shown = outline_of(shapely.transform(way.swept, turned)), None if label in named else label
+        axes.add_patch(PathPatch(area, label=shown, zorder=2, **look))
+        named.add(label)
+
+
+def draw_lines(axes: Axes, ways: Sequence[Way], *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
+    """Draw the lead rear axle's line on each leg with arrow heads, labelled once a direction."""
+    named = set[str]()
+    for way in ways:
+        colour, line, label = _COLOURS[way.backward], turned(way.line), f"lead rear axle {direction_of(backward=way.backward)}"
+        shown = None if label in named else label
+        axes.plot(*line.T, color=colour, linestyle=_DASHES[way.backward], linewidth=1.3 * weight, zorder=4, label=shown)
+        named.add(label)
+        count = max(1, round(len(line) * float(np.hypot(*(line[1] - line[0]))) / _ARROWS_M))
+        style = {"arrowstyle": "-|>", "color": colour, "linewidth": 0.7 * weight, "mutation_scale": 9.3 * weight}
+        for at in ((np.arange(count) + 0.5) * (len(line) - 1) / count).astype(int):
+            axes.annotate("", point(line[at + 1]), point(line[at]), zorder=5, arrowprops=style | {"shrinkA": 0.0, "shrinkB": 0.0})
+
+
+def draw_stops(axes: Axes, stops: Sequence[Stop], *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
+    """Draw the vehicle where it stands, with the names and the articulations."""
+    for stop in stops:
+        place = turned(stop.place[None])[0]
+        draw_bodies(axes, stop.outlines[None], weight=weight, turned=turned)
+        axes.plot(*place, marker="o", color="white", markeredgecolor=INK, markersize=4.7 * weight, zorder=7)
+        axes.annotate(
+            stop.text, point(place), _LABELS_PT.get(stop.name, _LABEL_PT), textcoords="offset points", fontsize="small",
+            fontweight="bold", color=INK, bbox=ON_WHITE, zorder=8, arrowprops={"arrowstyle": "-", "color": INK, "linewidth": 0.5 * weight},
+        )  # fmt: skip
+
+
+def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
+    """Draw what stays as it is: obstacles, kerbs, and the line of every leg with arrows, and where something is broken."""
+    bounded = (one for one in driven.results if one.drive.road.limits is not None)
+    ground = [*region_features(driven.legs.regions), *(kerb for one in bounded for kerb in kerb_features(one))]
+    if ground:
+        points = turned(shapely.get_coordinates([one.geometry for one in ground]))
+        view = shapely.box(*(points.min(axis=0) - ROOM_M), *(points.max(axis=0) + ROOM_M))  # a line on its edge would be cut off
+        draw_features(axes, ground, view, weight=weight, turned=turned)
+    draw_lines(axes, ways_of(driven), weight=weight, turned=turned)
+    places = [breach.place for result in driven.results for breach in result.balance.breaches]
+    places += [(near.x, near.y) for result in driven.results for near in result.entered]
+    places += [(one.x, one.y) for one in driven.jackknives if one is not None]
+    if places:
+        x, y = turned(np.array(places)).T
+        axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=8, markeredgecolor="white", label="breach", zorder=6)
+
+
+def draw_legs(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
+    """Draw a drive of several legs with its ground, and the vehicle where it stands."""
+    draw_swept(axes, ways_of(driven), weight=weight, turned=turned)
+    draw_ground(axes, driven, weight=weight, turned=turned)
+    draw_stops(axes, stops_of(driven), weight=weight, turned=turned)
 
 
 @styled()
@@ -52,15 +167,12 @@ def legs_figure(driven: LegsResult) -> Figure:
 
 
 def _way(driven: LegsResult) -> list[float]:
-    """Return the way driven before each leg, and at last over all of them [m]."""
     return [0.0, *np.cumsum([float(result.drive.poses_s[-1]) for result in driven.results]).tolist()]
 
 
 def _draw_map(axes: Axes, driven: LegsResult) -> None:
-    seen = draw_swept(axes, driven)
-    draw_ground(axes, driven)
-    draw_stops(axes, driven)
-    frame(axes, seen, ROOM_M)
+    draw_legs(axes, driven)
+    frame(axes, shapely.get_coordinates(driven.swept), ROOM_M)
     finish_map(axes, north=driven.legs.legs[0].road.to_lonlat is not None)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, ncols=4)
 
@@ -70,7 +182,7 @@ def _draw_panel(axes: Axes, driven: LegsResult, panel: Panel) -> None:
     for at, leg in enumerate(driven.legs.legs):
         begin, end = ways[at : at + 2]
         if leg.backward:
-            axes.axvspan(begin, end, color=COLOURS[1], alpha=_SHADE, linewidth=0.0, zorder=0)
+            axes.axvspan(begin, end, color=_COLOURS[1], alpha=_SHADE, linewidth=0.0, zorder=0)
         panel(axes, driven, at, np.array([end, -1.0]) if leg.backward else np.array([begin, 1.0]))
     for way in ways[1:-1]:
         axes.axvline(way, color=MUTED, linewidth=0.8, linestyle=(0, (2, 2)))
@@ -115,7 +227,6 @@ def _draw_articulation(axes: Axes, driven: LegsResult, at: int, way: FloatArray)
 
 
 def _all_angles(driven: LegsResult) -> FloatArray:
-    """Return the articulations of all poses of all legs, (couplings, poses) [deg]."""
     angles = np.concatenate([one.drive.poses_z[:, 2 : one.drive.vehicle.rigid_states] for one in driven.results])
     return np.asarray(np.degrees(angles.T))
 
@@ -130,7 +241,7 @@ def _draw_curvature(axes: Axes, driven: LegsResult, at: int, way: FloatArray) ->
     s = drive.stations.s[: len(kappa)]
     order = int(way[1])
     held = kappa if order > 0 else np.append(kappa[:1], kappa[:-1])
-    axes.step(way[0] + order * s[::order], held[::order], where="post", color=COLOURS[order < 0], linewidth=1.3)
+    axes.step(way[0] + order * s[::order], held[::order], where="post", color=_COLOURS[order < 0], linewidth=1.3)
     if at == 0:
         for sign in (1.0, -1.0):
             axes.axhline(sign * drive.vehicle.max_curvature, color=BREACH, linestyle=(0, (4, 2)), linewidth=1.0)
@@ -140,11 +251,10 @@ def _draw_curvature(axes: Axes, driven: LegsResult, at: int, way: FloatArray) ->
 def legs_film_bytes(driven: LegsResult) -> bytes:
     """Return the drive as an animated GIF that waits at every cusp, and tells the articulation there."""
     first = driven.results[0].drive
-    outline = np.concatenate([np.asarray(area.bounds).reshape(2, 2) for area in driven.swept])
 
     def draw(axes: Axes) -> None:
         draw_ground(axes, driven)
-        frame(axes, outline, ROOM_M)
+        frame(axes, shapely.get_coordinates(driven.swept), ROOM_M)
         finish_map(axes, north=first.road.to_lonlat is not None)
 
     swept = [f"swept {direction_of(backward=backward)}" for backward in (False, True)]

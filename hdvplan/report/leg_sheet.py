@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 
 from hdvplan.judging.legs import LegsResult
 from hdvplan.report.layers import drawn_features
-from hdvplan.report.leg_maps import Stop, draw_ground, draw_stops, draw_swept, stops_of
+from hdvplan.report.leg_plots import Stop, draw_legs, stops_of
 from hdvplan.report.manoeuvre_layers import view_of
-from hdvplan.report.manoeuvre_plots import draw_site, stops_in, swept_on
+from hdvplan.report.manoeuvre_plots import draw_site, stops_in, ways_in
 from hdvplan.report.paper import Page, SheetOptions, Size, map_mm, page_around
 from hdvplan.report.rooms import Room
 from hdvplan.report.sheet import Sheet, date_row, drawn_rows, pdf_bytes, rows_of, steering_text
@@ -41,7 +41,7 @@ def legs_sheet_bytes(driven: LegsResult, options: SheetOptions, *, date: str | N
     rows = rows_of(driven.results, (driven.legs.name, first.drive.road.notice), page, options, date)
     tightest = _tightest(driven, page) if driven.fits is not None else None
     places = [] if tightest is None else [_enlarged(driven, page, tightest)]
-    inset, draw = inset_scale(page), partial(_draw_legs, driven=driven, page=page)
+    inset, draw = inset_scale(page), partial(draw_legs, driven=driven, weight=_PAPER, turned=page.turned)
     scale = 2 * inset if 2 * inset < page.scale else inset  # more of the surroundings, where that is still larger than on the map
     places += [partial(_draw_stop, draw=draw, page=page, stop=stop, scale=scale) for stop in stops_of(driven)[1:]]
     north = driven.legs.legs[0].road.to_lonlat is not None
@@ -69,7 +69,7 @@ def reversal_sheet_bytes(answer: Answer, options: SheetOptions, *, date: str | N
         ("legs", ", ".join(f"{leg.direction} {leg.length:.1f} m" for leg in legs)),
         ("note", "all turns are to the left; mirror it where one drives on the left"),
     )  # fmt: skip
-    draw, text = partial(draw_site, answer=answer, swept=swept_on(answer), weight=_PAPER, turned=page.turned), words.verdict(answer)
+    draw, text = partial(draw_site, answer=answer, ways=ways_in(answer), weight=_PAPER, turned=page.turned), words.verdict(answer)
     places = tuple(partial(_draw_stop, draw=draw, page=page, stop=stop, scale=inset_scale(page)) for stop in stops_in(answer)[1:])
     drawn = partial(_draw_map, draw=draw, page=page, north=False)
     sheet = Sheet(answer.vehicle, answer.fits, text, words.details(answer), rows, drawn, places)
@@ -77,7 +77,6 @@ def reversal_sheet_bytes(answer: Answer, options: SheetOptions, *, date: str | N
 
 
 def _tightest(driven: LegsResult, page: Page) -> Room | None:
-    """Return the place of least room on the leg that decides."""
     result = driven.results[driven.worst]
     whole = replace(page, s_to=result.drive.road.path.length)
     return next((room for _, room in places_of(result, whole, 1)), None)
@@ -90,7 +89,6 @@ def _enlarged(driven: LegsResult, page: Page, room: Room) -> Callable[[Axes, Siz
 
 
 def _draw_map(axes: Axes, size_mm: Size, draw: Callable[[Axes], None], page: Page, *, north: bool, tightest: Room | None = None) -> None:
-    """Draw all legs, filling the axes, of ``size_mm``, exactly to scale."""
     draw(axes)
     look_at_page(axes, page, size_mm)
     if tightest is not None:
@@ -99,13 +97,6 @@ def _draw_map(axes: Axes, size_mm: Size, draw: Callable[[Axes], None], page: Pag
 
 
 def _draw_stop(axes: Axes, size_mm: Size, draw: Callable[[Axes], None], page: Page, stop: Stop, scale: int) -> None:
-    """Draw the vehicle where it stands, larger, and its surroundings."""
     draw(axes)
     look_at(axes, page.turned(stop.place[None])[0], size_mm, scale)
     head_inset(axes, f"{stop.text}   1:{scale}")
-
-
-def _draw_legs(axes: Axes, driven: LegsResult, page: Page) -> None:
-    draw_swept(axes, driven, weight=_PAPER, turned=page.turned)
-    draw_ground(axes, driven, weight=_PAPER, turned=page.turned)
-    draw_stops(axes, driven, weight=_PAPER, turned=page.turned)

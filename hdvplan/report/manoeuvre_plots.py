@@ -10,12 +10,11 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
-from shapely.geometry.base import BaseGeometry
 
 from hdvplan.judging.result import body_name
 from hdvplan.report.colours import BREACH, INK, answer_colour, body_colour
 from hdvplan.report.layers import Layer
-from hdvplan.report.leg_maps import Stop, draw_area, draw_line, draw_stop, ends_of
+from hdvplan.report.leg_plots import Stop, Way, draw_lines, draw_stops, draw_swept, ends_of
 from hdvplan.report.manoeuvre_layers import leg_area, line_of, shown_poses, turn_features, view_of
 from hdvplan.report.maps import SLIDE, UNTURNED, draw_bodies, draw_features, outline_of, point, scale_bar
 from hdvplan.report.maps import Turn as TurnOf
@@ -72,7 +71,6 @@ def draw_circle(axes: Axes, turn: Turn, radius: float, label: str, *, broken: bo
 
 
 def _frame(axes: Axes) -> None:
-    """Show all that is drawn in equal scales, with a scale bar."""
     axes.set_aspect("equal")
     axes.autoscale_view()
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
@@ -124,7 +122,7 @@ def reversal_figure(answer: Answer) -> Figure:
     left, low, right, high = view_of(answer).bounds
     figure = Figure(figsize=(_WIDE, float(np.clip(_WIDE * (high - low) / (right - left) + 1.0, *_HIGH))), layout="constrained")
     axes = figure.add_subplot()
-    draw_site(axes, answer, swept_on(answer))
+    draw_site(axes, answer, ways_in(answer))
     axes.set_xlim(left, right)
     axes.set_ylim(low, high)
     axes.set_aspect("equal")
@@ -136,31 +134,33 @@ def reversal_figure(answer: Answer) -> Figure:
     return figure
 
 
-def swept_on(answer: Answer) -> tuple[BaseGeometry, ...]:
-    """Return the plane area that all bodies sweep on each leg [m]."""
-    units = range(len(answer.vehicle.units))
-    return tuple(shapely.union_all([leg_area(answer, leg, unit) for unit in units]) for leg in answer.chosen.manoeuvre.legs)
-
-
-def draw_site(axes: Axes, answer: Answer, swept: Sequence[BaseGeometry], *, weight: float = SLIDE, turned: TurnOf = UNTURNED) -> None:
-    """Draw a site with its size, what is ``swept_on`` each leg, the lead rear axle's lines, and the vehicle at begin, cusps and end."""
+def draw_site(axes: Axes, answer: Answer, ways: Sequence[Way], *, weight: float = SLIDE, turned: TurnOf = UNTURNED) -> None:
+    """Draw a site with its size, the legs as ``ways_in`` has them, and the vehicle at begin, cusps and end."""
     _draw_blocks(axes, answer, weight, turned)
     _draw_size(axes, answer, weight, turned)
-    legs, named = answer.chosen.manoeuvre.legs, set[bool]()
-    for leg, area in zip(legs, swept, strict=True):
-        draw_area(axes, shapely.transform(area, turned), backward=leg.backward, named=leg.backward not in named, weight=weight)
-        draw_line(axes, turned(line_of(leg)), backward=leg.backward, named=leg.backward not in named, weight=weight)
-        named.add(leg.backward)
-    for stop in stops_in(answer):
-        draw_bodies(axes, corners_at(answer.vehicle, legs[stop.leg].poses[[stop.pose]]), weight=weight, turned=turned)
-        draw_stop(axes, stop, weight=weight, turned=turned)
+    draw_swept(axes, ways, weight=weight, turned=turned)
+    draw_lines(axes, ways, weight=weight, turned=turned)
+    draw_stops(axes, stops_in(answer), weight=weight, turned=turned)
+
+
+def ways_in(answer: Answer) -> tuple[Way, ...]:
+    """Return the legs of a manoeuvre."""
+    units = range(len(answer.vehicle.units))
+    return tuple(
+        Way(leg.backward, line_of(leg), shapely.union_all([leg_area(answer, leg, unit) for unit in units]))
+        for leg in answer.chosen.manoeuvre.legs
+    )
 
 
 def stops_in(answer: Answer) -> tuple[Stop, ...]:
     """Return where the vehicle stands, in the order of driving."""
     legs = answer.chosen.manoeuvre.legs
-    ends = [(legs[at], at, when, name) for at, when, name in ends_of(len(legs))]
-    return tuple(Stop(name, at, when, np.degrees(leg.beta[when]), leg.lead[when, :2]) for leg, at, when, name in ends)
+    ends = [(legs[at], when, name) for at, when, name in ends_of(len(legs))]
+    bodies = [corners_at(answer.vehicle, leg.poses[[when]])[0] for leg, when, _ in ends]
+    return tuple(
+        Stop(name, np.degrees(leg.beta[when]), leg.lead[when, :2], standing)
+        for (leg, when, name), standing in zip(ends, bodies, strict=True)
+    )
 
 
 def _draw_blocks(axes: Axes, answer: Answer, weight: float, turned: TurnOf) -> None:

@@ -19,8 +19,9 @@ from hdvplan.need.land import Patch
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, on_road
 from hdvplan.need.widening import Widening, Widenings
 from hdvplan.record import NAME, record_of
+from hdvplan.report import DRAWINGS, PICTURES
 from hdvplan.report.colours import BREACH
-from hdvplan.report.files import DRAWINGS, PICTURES, SHEET, drawing_bytes
+from hdvplan.report.files import SHEET, drawing_bytes, driven_notes
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
@@ -275,14 +276,11 @@ def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] =
 
 
 def _drawn(need: Need, shown: Result, kind: str) -> bytes:
-    """Return the file of one of ``PICTURES`` or ``DRAWINGS``."""
-    features, lines = need_features(need, shown), need_lines(need)
-    if kind in DRAWINGS:
-        return drawing_bytes(shown, kind, features, lines)
     from hdvplan.report.atlas import need_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
-    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
-    return figure_bytes(need_figure(shown, features, lines, 0.0 if need.place is None else need.place.s, fits=need.fits), kind)
+    features, lines, s = need_features(need, shown), need_lines(need), 0.0 if need.place is None else need.place.s
+    figure = partial(need_figure, shown, features, lines, s, fits=need.fits)
+    return drawing_bytes(kind, figure, lambda: features, [*lines, *driven_notes(shown)], shown.drive.road)
 
 
 def _sheet(need: Need, shown: Result, options: SheetOptions) -> bytes:

@@ -245,7 +245,6 @@ def _refusal(scale: int, what: str) -> OptionError:
 
 
 def _parts(outline: _Outline, length: float, scale: int) -> list[Page] | None:
-    """Return as many sheets as the road needs, or None if they are too many."""
     pages, begin = list[Page](), 0.0
     while len(pages) < _MOST_SHEETS:
         last = outline.page(begin, length, scale)

@@ -125,12 +125,6 @@ def _table(path: Path) -> pd.DataFrame:
 
 
 def _check_summary(summary: object) -> None:
-    """Refuse what is no summary of a plan, or an older one.
-
-    Raises:
-        ValueError: an entry is missing, or something else than it should be.
-
-    """
     entries = summary if isinstance(summary, dict) else {}
     for name, kind in _ENTRIES.items():
         if not isinstance(entries.get(name), kind):
@@ -151,12 +145,6 @@ def _check_list(items: object, needed: tuple[str, ...], where: str) -> None:
 
 
 def _check_tables(plan: PlanFiles) -> None:
-    """Refuse tables that do not belong together.
-
-    Raises:
-        ValueError: a column is missing or holds no numbers; tables differ in length, or have no rows.
-
-    """
     bodies = len(plan.summary["bodies"])
     for table, needed in (
         (plan.path, ["s", "x", "y", "heading", "e_y", "e_psi", "kappa", *(f"beta{number}" for number in range(1, bodies))]),
@@ -252,5 +240,4 @@ def _beside(lines: list[list[list[float]]], x: float, y: float) -> list[list[lis
 
 
 def _exact(values: FloatArray) -> Json:
-    """Return numbers in single precision: coordinates of a long road need more than 16 bits."""
     return {"data": base64.b64encode(values.astype("<f4").tobytes()).decode()}

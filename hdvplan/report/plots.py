@@ -55,7 +55,6 @@ def _panels(result: Result) -> list[Panel]:
 
 
 def _draw_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
-    """Draw everything over the road's whole length, the enlarged stretches shaded."""
     draw = _panels(result)
     cells = figure.add_gridspec(len(draw), 1, height_ratios=[1.5] + [1.0] * (len(draw) - 1))
     first: Axes | None = None

@@ -16,12 +16,12 @@ from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.fileio import Together, csv_bytes, json_bytes
-from hdvplan.report.files import PICTURES, SHEET
+from hdvplan.report import PICTURES, TURN_DRAWINGS
+from hdvplan.report.files import SHEET, drawing_bytes
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import System
 from hdvplan.report.manoeuvre_layers import line_of, reversal_features, view_of
 from hdvplan.report.paper import SheetOptions
-from hdvplan.report.turns import TURN_DRAWINGS
 from hdvplan.road.crs import LONLAT, placed
 from hdvplan.turning.reversing.answer import Answer
 from hdvplan.turning.reversing.words import arms_text, closed_form, details, verdict
@@ -164,25 +164,17 @@ def write_reversal(answer: Answer, directory: Path, name: str, *, kinds: Collect
     }
     contents |= {f"{name}.{kind}": partial(_drawn, answer, kind) for kind in kinds}
     if sheet is not None:
-        contents[SHEET] = partial(_sheet, answer, sheet)
+        from hdvplan.report.leg_sheet import reversal_sheet_bytes  # noqa: PLC0415 - Matplotlib takes half a second to import
+
+        contents[SHEET] = partial(reversal_sheet_bytes, answer, sheet)
     contents[f"{name}.json"] = lambda: json_bytes(reversal_json(answer))
     names = (*(f"{name}.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS)), SHEET)
     Together(f"{name}.json", names, {f"{name}.json": "fits_with_m"}).write(directory, contents)
 
 
 def _drawn(answer: Answer, kind: str) -> bytes:
-    if kind == "dxf":
-        from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - ezdxf takes half a second to import
+    from hdvplan.report.manoeuvre_plots import reversal_figure  # noqa: PLC0415 - as above
 
-        system = System(None, "metres; all turns are to the left, mirror it where one drives on the left")
-        return dxf_bytes(reversal_features(answer), system, [verdict(answer), details(answer)])
-    from hdvplan.report.manoeuvre_plots import reversal_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
-    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
-
-    return figure_bytes(reversal_figure(answer), kind)
-
-
-def _sheet(answer: Answer, options: SheetOptions) -> bytes:
-    from hdvplan.report.leg_sheet import reversal_sheet_bytes  # noqa: PLC0415 - as above
-
-    return reversal_sheet_bytes(answer, options)
+    system = System(None, "metres; all turns are to the left, mirror it where one drives on the left")
+    notes = [verdict(answer), details(answer)]
+    return drawing_bytes(kind, partial(reversal_figure, answer), partial(reversal_features, answer), notes, system)

@@ -198,7 +198,6 @@ def _axes(figure: Figure, box: Box) -> Axes:
 
 
 def _draw_title(axes: Axes, sheet: Sheet, options: SheetOptions, size_mm: Size) -> None:
-    """Write verdict, road, vehicle, scale, coordinates, date, version and source into axes of ``size_mm``, and below them the stamps."""
     width, height = size_mm
     axes.set_xlim(0.0, width)
     axes.set_ylim(0.0, height)
@@ -231,7 +230,6 @@ def _draw_title(axes: Axes, sheet: Sheet, options: SheetOptions, size_mm: Size) 
 
 
 def _position(result: Result) -> str:
-    """Return where the road starts, in its file's coordinates."""
     road = result.drive.road
     system = map_system(road)
     start = shapely.Point(*(float(value) for value in road.path.to_plane(0.0, 0.0)))

@@ -161,7 +161,6 @@ def corners_of(road: Road) -> list[Json]:
 
 
 def _steering(result: Result) -> Json:
-    """Return how hard the plan steers; stretches are pairs of arclengths [m]."""
     use_of = steering_of(result.drive)
     uses = {"steering": use_of.curvature, "steering_rate": use_of.rate}
     named: Json = {

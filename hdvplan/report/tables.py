@@ -120,7 +120,6 @@ def _line_rows(road: Road) -> list[tuple[str, str, str, str]]:
 
 
 def _smoothing_remark(smoothing: Smoothing) -> str:
-    """Return what smoothing did, in words."""
     dropped = f", {smoothing.duplicates} duplicate" + ("s" if smoothing.duplicates > 1 else "") if smoothing.duplicates else ""
     return (
         f"smoothed {smoothing.points} points{dropped}; most at s = {smoothing.max_deviation_s:z.1f} m, rms {smoothing.rms_deviation:.2f} m"

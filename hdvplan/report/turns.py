@@ -12,7 +12,8 @@ from rich.table import Table
 
 from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.judging.result import body_name
-from hdvplan.report.files import PICTURES
+from hdvplan.report import PICTURES, TURN_DRAWINGS
+from hdvplan.report.files import drawing_bytes
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import System
 from hdvplan.report.manoeuvre_layers import turn_features
@@ -21,7 +22,6 @@ from hdvplan.turning.templates import Limit
 from hdvplan.turning.turn import Turn, manoeuvre_words, verdict
 
 Json = dict[str, object]
-TURN_DRAWINGS = ("dxf",)  # for CAD; it lies nowhere on a map
 _FORMER = "turn.geojson"  # which other versions wrote
 
 
@@ -123,13 +123,9 @@ def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> N
 
 
 def _drawn(turn: Turn, kind: str) -> bytes:
-    if kind == "dxf":
-        from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - ezdxf takes half a second to import
-
-        system = System(None, "metres; the turn is to the left, mirror it for one to the right")
-        template = [] if turn.template is None else [f"template: {turn.template.name}; {turn.template.source}"]
-        return dxf_bytes(turn_features(turn), system, [verdict(turn), *template, f"vehicle: {turn.driven.vehicle.name}"])
     from hdvplan.report.manoeuvre_plots import turn_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
-    from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - as above
 
-    return figure_bytes(turn_figure(turn), kind)
+    template = [] if turn.template is None else [f"template: {turn.template.name}; {turn.template.source}"]
+    notes = [verdict(turn), *template, f"vehicle: {turn.driven.vehicle.name}"]
+    system = System(None, "metres; the turn is to the left, mirror it for one to the right")
+    return drawing_bytes(kind, partial(turn_figure, turn), partial(turn_features, turn), notes, system)

@@ -128,7 +128,6 @@ def search(vehicle: Vehicle, curvatures: tuple[float, ...] = CURVATURES) -> Sear
 
 
 def _alone(objective: Objective, stations: Stations, vehicle: Vehicle) -> Goal:
-    """Return a largest-reach objective with nothing beside it but smoothness."""
     goal = objective(stations, vehicle)
     return replace(goal, terms=tuple(term for term in goal.terms if isinstance(term, Reach)))
 

@@ -88,7 +88,6 @@ def _rows(planned: Result, believed: Result, curves: dict[str, FloatArray]) -> t
 
 
 def _data(planned: Result, curves: dict[str, FloatArray]) -> pd.DataFrame:
-    """Return ours and theirs on the envelope's arclengths; theirs interpolated between the digitised points."""
     drive, s = planned.drive, planned.envelope.s
     expected, stations = planned.expected, drive.stations.s
     columns = {

@@ -111,7 +111,6 @@ def _outside(name: str, found: Turn) -> Row:
 
 
 def _circles() -> dict[str, Turn | TurnError]:
-    """Return every European preset in the European circle, or why it cannot drive it."""
     circle, found = load_template("eu-circle"), dict[str, Turn | TurnError]()
     for name in preset_groups()["europe"]:
         try:
@@ -165,7 +164,6 @@ def _map21() -> list[Row]:
 
 
 def _flat(found: Turn) -> dict[str, object]:
-    """Return a turn's figures as a row: scalars, with lists as text."""
     return {
         key: ";".join(f"{item:.6g}" for item in value) if isinstance(value, list) else value
         for key, value in turn_json(found).items()
