@@ -43,7 +43,7 @@ from hdvplan.machine import use_one_thread
 from hdvplan.planning.objectives import balanced, geometric
 from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
-from hdvplan.reproduce.swept import whole_manoeuvre
+from hdvplan.reproduce.study import whole_manoeuvre
 from hdvplan.road.load import load_road
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle

@@ -21,7 +21,7 @@ from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
 from hdvplan.planning.terms.term import Columns, Horizon, Needs, Scene
-from hdvplan.reproduce.swept import swept, unevenness
+from hdvplan.reproduce.study import swept, unevenness
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import Scenario, sturn_profile
 from hdvplan.vehicle.model import Vehicle

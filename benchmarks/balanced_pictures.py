@@ -10,7 +10,7 @@ from balanced_drives import EXAMPLE, RTI, VEHICLES, case_road
 
 from hdvplan.case import Case
 from hdvplan.judging.result import Result
-from hdvplan.reproduce.swept import swept, unevenness
+from hdvplan.reproduce.study import swept, unevenness
 from hdvplan.vehicle.load import load_vehicle
 
 

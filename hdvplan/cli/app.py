@@ -82,11 +82,6 @@ def run_process() -> int:
     return _written(run(sys.argv[1:]))
 
 
-def main() -> None:
-    """Run the command line of this process and exit with its code."""
-    sys.exit(run_process())
-
-
 @cache
 def command_line() -> Callable[..., object]:
     """Return what runs the commands. Typer reads the options of all of them for it: a process that runs several does that once."""
@@ -160,7 +155,9 @@ def _told(error: BaseException) -> tuple[ExitCode, str, str | None]:
     if isinstance(error, _UsageError):
         return ExitCode.USAGE, *_usage(error)
     if isinstance(error, HdvplanError):
-        code = ExitCode.UNMEASURED if isinstance(error, MeasurementError) else ExitCode.BROKEN if _is_failed_plan(error) else ExitCode.USAGE
+        ran = isinstance(error, SolverError) and error.status is not None  # only a solver that ran has a status
+        failed = ran or isinstance(error, PlanError | QpDataError | TurnError)  # a plan that could not be made; else input is no use
+        code = ExitCode.UNMEASURED if isinstance(error, MeasurementError) else ExitCode.BROKEN if failed else ExitCode.USAGE
         return code, str(error), error.hint
     if isinstance(error, OSError) and error.strerror:  # of a file or a folder, which no program can mend
         return ExitCode.USAGE, f"{error.filename}: {error.strerror}" if error.filename else error.strerror, None
@@ -182,17 +179,8 @@ def _usage(error: Exception) -> tuple[str, str]:
     if context and option and hasattr(error, "possibilities"):
         known = [name for parameter in context.command.params for name in parameter.opts if name.startswith("--")]
         return f"no such option: {option}", did_you_mean(option, known, where)
-    return _uncapitalised(message), where
-
-
-def _is_failed_plan(error: HdvplanError) -> bool:
-    return isinstance(error, PlanError | QpDataError | TurnError) or (isinstance(error, SolverError) and error.status is not None)
-
-
-def _uncapitalised(message: str) -> str:
-    """Return a usage message in the style of hdvplan's own: no capital, no full stop."""
     text = " ".join(message.split()).rstrip(".")
-    return text[:1].lower() + text[1:]
+    return text[:1].lower() + text[1:], where  # as hdvplan's own messages
 
 
 @contextmanager

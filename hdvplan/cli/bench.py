@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from hdvplan.bench import PICTURE
 from hdvplan.bench.suite import Suite, read_suite, suite_of
 from hdvplan.cli.bench_options import BenchFiles, BenchOptions, Decision, Report
@@ -38,15 +36,10 @@ def with_picture(arguments: Sequence[str]) -> list[str]:
 def bench(
     *,
     given: Annotated[dict[str, object], OptionsOf(Suite, _HOW, _OF_SUITE, given=True)],
-    suite: Annotated[
-        Path | None,
-        typer.Option("--suite", metavar="FILE.toml", help="Read settings from a file; options override them.", rich_help_panel=_WHAT),
-    ] = None,
-    no_limits: Annotated[bool, typer.Option("--no-limits", help="Plan without limits.", rich_help_panel=_LIMITS)] = False,
-    options: Annotated[BenchOptions, OptionsOf(BenchOptions, _COMPARISON, {"in_process": _HOW})],
+    options: Annotated[BenchOptions, OptionsOf(BenchOptions, _COMPARISON, {"in_process": _HOW, "suite": _WHAT, "no_limits": _LIMITS})],
     decision: Annotated[Decision, OptionsOf(Decision, DECISION, only=("factor", "floor", "expect_changes", "patience", "time_limit"))],
     files: Annotated[BenchFiles, OptionsOf(BenchFiles, OUTPUT)],
-    report: Annotated[Report, OptionsOf(Report, OUTPUT)],
+    report: Annotated[Report, OptionsOf(Report, OUTPUT, only=("format_", "json", "quiet"))],
 ) -> int:
     """Time planning by road, vehicle, scheme and solver.
 
@@ -73,11 +66,11 @@ def bench(
     from hdvplan.planning.objective_names import check_objective
     from hdvplan.solvers.registry import check_solver, solver_named
 
-    given |= {"limits": False} if no_limits else {}
+    given |= {"limits": False} if options.no_limits else {}
     if options.against is not None:
         with told_to_programs(report):
-            return gate(options.against, measured(suite, given, options), out, decision, report, strict=options.strict)
-    entries = read_suite(suite) if suite else {}
+            return gate(options.against, measured(given, options), out, decision, report, strict=options.strict)
+    entries = read_suite(options.suite) if options.suite else {}
     wanted = suite_of(entries | given)
     check_objective(wanted.objective)
     for name in wanted.solvers:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from hdvplan.bench.comparing.against import Settings
-    from hdvplan.bench.comparing.decision import Rule
 
 _MEASURES = ("step_limit", "cell_limit", "memory_limit")  # that need a process which can be ended
 
@@ -31,31 +30,21 @@ class Decision:
     patience: Annotated[float, Setting("Where noise hides the answer, measure on for so long [s].", "S")] = PATIENCE_S
     time_limit: Annotated[float, Setting("A process that takes longer is ended, and named [s].", "S")] = TIME_LIMIT_S
 
-    def rule(self) -> Rule:
-        """Return what counts as a regression.
-
-        Raises:
-            OptionError: a value outside its range.
-
-        """
-        from hdvplan.bench.comparing.decision import Rule
-
-        return Rule(self.factor, 1e-3 * self.floor)
-
     def settings(self) -> Settings:
-        """Return how two programs are compared.
+        """Return how two programs, or runs, are compared.
 
         Raises:
             OptionError: a value outside its range.
 
         """
         from hdvplan.bench.comparing.against import Settings
+        from hdvplan.bench.comparing.decision import Rule
 
         for name, seconds in (("--patience", self.patience), ("--time-limit", self.time_limit)):
             if not seconds >= 0.0 or (seconds == 0.0 and name == "--time-limit"):
                 msg = f"{name} must be a positive number of seconds, not {seconds:g}"
                 raise OptionError(msg)
-        return Settings(self.rule(), self.expect_changes, patience=self.patience, time_limit=self.time_limit)
+        return Settings(Rule(self.factor, 1e-3 * self.floor), self.expect_changes, patience=self.patience, time_limit=self.time_limit)
 
     def words(self) -> list[str]:
         """Return the options that make another decision than the usual one."""
@@ -69,6 +58,7 @@ class Decision:
 class Report:
     """How a comparison is told."""
 
+    reports: Annotated[Path | None, Setting("Also write the comparison as JSON, JUnit XML, Markdown and for dashboards.", "DIR")] = None
     format_: Annotated[
         str,
         Setting("github: an annotation on stdout, tables in the step summary.", names=("--format",), choices=("text", "github")),
@@ -81,6 +71,8 @@ class Report:
 class BenchOptions:
     """What a benchmark does besides measuring its suite."""
 
+    suite: Annotated[Path | None, Setting("Read settings from a file; options override them.", "FILE.toml")] = None
+    no_limits: Annotated[bool, Setting("Plan without limits.")] = False
     in_process: Annotated[bool, Setting("Measure in this process: of the limits only --budget applies, and a crash ends the run.")] = False
     against: Annotated[
         str | None,

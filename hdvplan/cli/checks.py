@@ -69,28 +69,18 @@ def smoothed(found: Found, name: str, *, quiet: bool) -> Road:
     return road
 
 
-def check_fits(road: Road, vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:
+def check_fits(vehicle: Vehicle, reaches: tuple[float, float] | None, road: Road | None = None) -> None:
     """Refuse what makes planning ``vehicle`` pointless; ``reaches`` are the limits left and right that options gave [m].
 
     Raises:
-        RoadError: the road is shorter than the vehicle.
+        RoadError: the ``road`` is shorter than the vehicle.
         OptionError: the options leave less room than the vehicle is wide.
 
     """
     length = vehicle.reach_ahead + vehicle.reach_behind
-    if road.path.length < length:
+    if road is not None and road.path.length < length:
         msg = f"the road is {road.path.length:.1f} m long, the {vehicle.name} {length:.1f} m"
         raise RoadError(msg, hint="plan along a longer part of the road")
-    check_room(vehicle, reaches)
-
-
-def check_room(vehicle: Vehicle, reaches: tuple[float, float] | None) -> None:
-    """Refuse limits left and right that options gave [m] and that leave less room than ``vehicle`` is wide.
-
-    Raises:
-        OptionError: they do.
-
-    """
     if reaches is not None and sum(reaches) < vehicle.width:
         msg = f"limits are {sum(reaches):.2f} m apart; the {vehicle.name} is {vehicle.width:.2f} m wide"
         raise OptionError(msg, hint="widen them with --half-width or --left and --right")
@@ -127,12 +117,6 @@ def refuse_on(line: Line, asked: Mapping[str, bool]) -> None:
     if name is not None:
         msg = f"{name} is not for roads of more than {1e-3 * LONG_M:.0f} km; {line.name} has {1e-3 * line.length:.0f} km"
         raise OptionError(msg, hint="cut the road, and plan the part")
-
-
-def warn_no_side(road: Road, side: str | None, *, quiet: bool) -> None:
-    """Say where a side that is asked for has no effect."""
-    if side is not None and not any(one.on_line and road.regions[one.region].side is None for one in road.passages):
-        warn(f"--pass {side} has no effect: no obstacle lies on the line, or each has a side of its own", quiet=quiet)
 
 
 def warn_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath], *, quiet: bool) -> None:

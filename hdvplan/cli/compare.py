@@ -39,15 +39,6 @@ def compare(
     new: Annotated[Path, typer.Argument(metavar="NEW", help="The new run.")],
     *,
     decision: Annotated[Decision, OptionsOf(Decision, DECISION, only=("factor", "floor", "envelope_tolerance", "expect_changes"))],
-    reports: Annotated[
-        Path | None,
-        typer.Option(
-            "--reports",
-            metavar="DIR",
-            help="Also write the comparison as JSON, JUnit XML, Markdown and for dashboards.",
-            rich_help_panel=OUTPUT,
-        ),
-    ] = None,
     report: Annotated[Report, OptionsOf(Report, OUTPUT)],
 ) -> int:
     """Compare two benchmark runs of the same cells.
@@ -59,33 +50,29 @@ def compare(
     Exit codes: 0 fine; 1 a cell became slower, or counters changed; 2 bad input or usage; 3 could not measure: the times
     are too uncertain.
     """
-    with told_to_programs(report):
-        return _compared(base, new, decision, reports, report)
-
-
-def _compared(base: Path, new: Path, decision: Decision, reports: Path | None, report: Report) -> ExitCode:
     from hdvplan.bench.comparing.compare import check_comparable
     from hdvplan.bench.comparing.compare import compare as compared
     from hdvplan.bench.comparing.counters import Tolerance
     from hdvplan.bench.comparing.reports import write_reports
     from hdvplan.bench.comparing.sides import read_side
 
-    rule, apart = decision.rule(), decision.envelope_tolerance
-    if not apart >= 0.0:
-        msg = f"--envelope-tolerance must be at least 0, not {apart:g}"
-        raise OptionError(msg)
-    sides = read_side(base), read_side(new)
-    check_comparable(*sides)
-    about = "; ".join(
-        f"{word}: {path} ({', '.join(side.machines) or 'machine unknown'})"
-        for word, path, side in zip(("base", "new"), (base, new), sides, strict=True)
-    )
-    found = compared(*sides, rule, Tolerance(envelope=apart), expect_changes=decision.expect_changes)
-    comparison = replace(found, about=about)
-    if reports is not None:
-        with writing(f"the reports to {reports}", None):
-            write_reports(comparison, rule, None, reports)
-    return show(comparison, rule, report)
+    with told_to_programs(report):
+        rule, apart = decision.settings().rule, decision.envelope_tolerance
+        if not apart >= 0.0:
+            msg = f"--envelope-tolerance must be at least 0, not {apart:g}"
+            raise OptionError(msg)
+        sides = read_side(base), read_side(new)
+        check_comparable(*sides)
+        about = "; ".join(
+            f"{word}: {path} ({', '.join(side.machines) or 'machine unknown'})"
+            for word, path, side in zip(("base", "new"), (base, new), sides, strict=True)
+        )
+        found = compared(*sides, rule, Tolerance(envelope=apart), expect_changes=decision.expect_changes)
+        comparison = replace(found, about=about)
+        if report.reports is not None:
+            with writing(f"the reports to {report.reports}", None):
+                write_reports(comparison, rule, None, report.reports)
+        return show(comparison, rule, report)
 
 
 @contextmanager
@@ -139,7 +126,7 @@ def _summarise(markdown: str) -> None:
         warn(f"cannot write the step summary {summary}: {error.strerror or error}")
 
 
-def measured(suite: Path | None, given: Mapping[str, object], options: BenchOptions) -> Suite | CommandWork:
+def measured(given: Mapping[str, object], options: BenchOptions) -> Suite | CommandWork:
     """Return what a comparison measures: a user's own command, or a suite.
 
     Raises:
@@ -154,11 +141,11 @@ def measured(suite: Path | None, given: Mapping[str, object], options: BenchOpti
     from hdvplan.solvers.registry import check_solver
 
     if options.command is not None:
-        if suite is not None or given:
+        if options.suite is not None or given:
             msg = "--command measures your own command: a suite and its options do not apply"
             raise OptionError(msg, hint="leave them out")
         return CommandWork(command_words(options.command), tuple(options.extras.split(",")) if options.extras else ())
-    wanted = suite_of(dict(SUITE) | (read_suite(suite) if suite else {}) | dict(given))
+    wanted = suite_of(dict(SUITE) | (read_suite(options.suite) if options.suite else {}) | dict(given))
     for name in wanted.solvers:
         if not is_reference(name):  # each program has its own of these
             check_solver(name)

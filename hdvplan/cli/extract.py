@@ -34,16 +34,14 @@ class RouteOptions:
         float | None, Setting("Width of a lane where the map only has their number [m] [default: 3.25].", "M", ("--lane-width",))
     ] = None
     half_width: Annotated[float | None, Setting("Limits at +-M [m] for ways without width and lanes.", "M")] = None
+    out: Annotated[Path | None, Setting("Where to write [default: <map>.<kind>/].", "DIR")] = None
 
 
 @with_settings
 def extract(
     source: Annotated[Path, typer.Argument(metavar="MAP", help="A map of OpenStreetMap (.osm.pbf, .osm, .osm.gz), or liechtenstein.")],
     *,
-    chosen: Annotated[RouteOptions, OptionsOf(RouteOptions, _ROUTES, {"lane": _LIMITS, "half_width": _LIMITS})],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where to write [default: <map>.<kind>/].", rich_help_panel=OUTPUT)
-    ] = None,
+    chosen: Annotated[RouteOptions, OptionsOf(RouteOptions, _ROUTES, {"lane": _LIMITS, "half_width": _LIMITS, "out": OUTPUT})],
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
@@ -53,7 +51,7 @@ def extract(
     it leaves. A route is cut at gaps, at ways out of order and at ways that the map lacks; warnings name the first ten places, extract.json
     names all.
     """
-    check_folder(out)
+    check_folder(chosen.out)
     from hdvplan.network.extract import RECORD, record_of
     from hdvplan.network.extract import extract as extracted
     from hdvplan.network.roads import USUAL, Widths
@@ -61,7 +59,7 @@ def extract(
 
     source = source if source.exists() else shipped("networks").get(str(source), source)
     route, widths = chosen.route, Widths(USUAL.lane if chosen.lane is None else chosen.lane, chosen.half_width)
-    directory = out or Path(file_name(f"{source.name.partition('.')[0]}.{route}"))
+    directory = chosen.out or Path(file_name(f"{source.name.partition('.')[0]}.{route}"))
     with writing(f"to {directory}"), progress(f"stitching {source.name}", quiet=quiet) as on_progress:
         routes = extracted(source, directory, kind=route, refs=chosen.ref, widths=widths, on_progress=on_progress)
     _warn_of(routes, directory / RECORD, quiet=quiet)

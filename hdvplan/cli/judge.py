@@ -12,7 +12,7 @@ from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
 from hdvplan.cli.console import ExitCode, note, progress, report_error, warn, writing
 from hdvplan.cli.help import LOOP, OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
-from hdvplan.cli.outcome import exit_code_of, looked_again, tell, write
+from hdvplan.cli.outcome import looked_again, tell, write
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.loop.settings import LoopSettings
@@ -101,7 +101,7 @@ def judge(
         note(text, quiet=quiet)
     track = smoothed(found, road, quiet=quiet)
     track = track if reaches is None else track.with_limits(*reaches)
-    check_fits(track, driven, reaches)
+    check_fits(driven, reaches, track)
     with progress(f"following {path.name} along {track.name}", quiet=quiet):
         case = Case(track, driven, settings=settings)
         along = api.follow(case, given)
@@ -124,7 +124,7 @@ def judge(
         with writing(f"to {directory}"):
             write_atomically(directory / "loop.csv", csv_bytes(runs.frame))
             write_atomically(directory / "loop_worst.csv", csv_bytes(runs.driven.frame(runs.worst)))
-    code = exit_code_of(result, tell(result, directory, as_json=output.json, quiet=quiet, loop=looped))
+    code = tell(result, directory, output, looped)
     if runs is None or runs.fits is not False:
         return code
     drawn = f"`hdvplan judge {directory}/loop_worst.csv ...` draws the worst one"

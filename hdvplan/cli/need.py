@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
 
 from hdvplan.answers import NO, without_word
 from hdvplan.cli.checks import check_fits, names_in, smoothed, vehicles_named
@@ -20,7 +18,7 @@ from hdvplan.cli.turn import MORE_STARTS, answered
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import SIDES, PlannerSettings
 from hdvplan.road.options import RoadOptions
-from hdvplan.settings import choice
+from hdvplan.settings import Setting
 from hdvplan.turning.reversing.options import SiteOptions, Template
 
 if TYPE_CHECKING:
@@ -37,41 +35,40 @@ _ROOM = {
 _OUTPUT = {"out": "Where to write [default: <road>.<vehicle>.need/].", "plot": "Draw the picture need.png."}
 
 
+@dataclass(frozen=True)
+class More:
+    """What no other command is asked."""
+
+    fix: Annotated[
+        str | None,
+        Setting("Fix this edge, at --left or --right or where the road has it, and find the least edge on the other side.", choices=SIDES),
+    ] = None
+    proof: Annotated[
+        bool | None,
+        Setting(
+            "Find the most room that is proved to be too little [default: where the vehicle does not fit].", names=("--proof/--no-proof",)
+        ),
+    ] = None
+    template: Annotated[
+        str | None,
+        Setting(
+            f"Instead of a road a manoeuvre that reverses, whose site is made as small as can be found: {', '.join(Template)}.",
+            "NAME",
+            choices=tuple(Template),
+        ),
+    ] = None
+
+
 @with_settings
 def need(
     road: RoadOrNoneArgument = None,
     *,
     vehicle: VehiclesOption,
-    fix: Annotated[
-        str | None,
-        typer.Option(
-            "--fix",
-            metavar="left|right",
-            help="Fix this edge, at --left or --right or where the road has it, and find the least edge on the other side.",
-            rich_help_panel=VEHICLE,
-        ),
-    ] = None,
     room: Annotated[Room, OptionsOf(Room, VEHICLE, words=_ROOM)],
     settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, VEHICLE, only=("clearance",))],
     reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
     output: Annotated[Output, OptionsOf(Output, OUTPUT, words=_OUTPUT, only=WRITTEN)],
-    proof: Annotated[
-        bool | None,
-        typer.Option(
-            "--proof/--no-proof",
-            help="Find the most room that is proved to be too little [default: where the vehicle does not fit].",
-            rich_help_panel=PLANNING,
-        ),
-    ] = None,
-    template: Annotated[
-        str | None,
-        typer.Option(
-            "--template",
-            metavar="NAME",
-            help="Instead of a road a manoeuvre that reverses, whose site is made as small as can be found: " + ", ".join(Template) + ".",
-            rich_help_panel=SITE,
-        ),
-    ] = None,
+    more: Annotated[More, OptionsOf(More, VEHICLE, {"proof": PLANNING, "template": SITE})],
     site: Annotated[SiteOptions, OptionsOf(SiteOptions, SITE, only=_FIXED)],
 ) -> int:
     """Find the least room that a vehicle needs on a road, or for a manoeuvre that reverses.
@@ -87,8 +84,9 @@ def need(
 
     Exit code 0: the answer was found. 1: no plan exists at any width, or with the fixed edge. 2: bad input.
     """
+    held, proof, template = more.fix, more.proof, more.template
     if template is not None:
-        beside = (road, fix, proof, room, reading)
+        beside = (road, held, proof, room, reading)
         if beside != (None, None, None, Room(), RoadOptions()):
             msg = f"--template {template} has its own site: a road, its room and its options mean nothing for it"
             raise OptionError(msg, hint=f"give --vehicle, and of the site {', '.join(f'--{name}' for name in _FIXED)}".replace("_", "-"))
@@ -97,7 +95,6 @@ def need(
         msg = "missing argument 'ROAD'"
         raise OptionError(msg, hint="give a road, or --template for a turning head, a dock or a three-point turn")
     site.refuse_all()
-    held = None if fix is None else choice("--fix", fix, SIDES)
     given, quiet = _given(held, room), output.quiet
     check_folder(output.out)
     sheet = output.drawn_on()
@@ -115,7 +112,7 @@ def need(
     for driven, found in zip(vehicles, roads, strict=True):
         track = smoothed(found, road, quiet=quiet)
         track = track if given is None else track.with_limits(*given)
-        check_fits(track, driven, None)
+        check_fits(driven, None, track)
         check_scale(sheet, [track.path], driven, whole=False)
         case = Case(track, driven, settings=settings)
         began = perf_counter()
@@ -168,7 +165,7 @@ def _told(answers: list[tuple[Need, dict[str, Any]]], directory: Path, output: O
 
 
 def _of_template(name: str, vehicle: str, site: SiteOptions, output: Output) -> int:
-    template = Template(choice("--template", name, list(Template)))
+    template = Template(name)
     if len(names_in(vehicle)) > 1:
         msg = f"--template {template} takes one vehicle, not {vehicle}"
         raise OptionError(msg, hint="ask for one after the other")

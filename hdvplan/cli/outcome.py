@@ -89,13 +89,13 @@ def write(files: Callable[..., None], directory: Path, output: Output) -> None:
         files(directory, pictures=output.kinds(), sheet=output.drawn_on(), animate=output.animate, on_progress=on_progress)
 
 
-def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool, loop: Json | None = None) -> Verdict:
-    """Print verdict, warnings and tables of a judged drive, or its summary as JSON; return the verdict."""
+def tell(result: Result, directory: Path, output: Output, loop: Json | None = None) -> ExitCode:
+    """Print verdict, warnings and tables of a judged drive, or its summary as JSON; return the exit code."""
     from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line, verdict_of
     from hdvplan.report.summary import summary_of
 
-    verdict, summary = verdict_of(result), summary_of(result)
-    if as_json:
+    verdict, summary, quiet = verdict_of(result), summary_of(result), output.quiet
+    if output.json:
         print_json(summary | ({} if loop is None else {"loop": loop}))
     elif not quiet:
         details = [verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
@@ -106,12 +106,12 @@ def tell(result: Result, directory: Path, *, as_json: bool, quiet: bool, loop: J
             print_line(line)
     warn_of_sides(summary, quiet=quiet)
     warn_of(result, verdict, quiet=quiet)
-    if not as_json and not quiet:
+    if not output.json and not quiet:
         print_plan(summary, directory, road=result.drive.road)
-    return verdict
+    return exit_code_of(result, verdict)
 
 
-def compare(results: list[Result], directory: Path, *, picture: bool, as_json: bool, quiet: bool) -> ExitCode:
+def compare(results: list[Result], directory: Path, output: Output) -> ExitCode:
     """Write and print the answers of several vehicles beside each other; return the worst exit code."""
     from hdvplan.fileio import csv_bytes, write_atomically
     from hdvplan.judging.verdict import verdict_of
@@ -120,15 +120,16 @@ def compare(results: list[Result], directory: Path, *, picture: bool, as_json: b
     from hdvplan.report.style import figure_bytes
     from hdvplan.report.summary import summary_of
 
+    quiet = output.quiet
     if any(result.most_clearance for result in results):
         note("plans come as near as limits allow; with --clearance max the table says how much room each can keep", quiet=quiet)
     table = answer_rows(results)
     with progress(f"writing {directory}/", quiet=quiet), writing(f"to {directory}"):
         write_atomically(directory / "compared.csv", csv_bytes(table))
-        if picture:
+        if "png" in output.kinds():
             write_atomically(directory / "compared.png", figure_bytes(compared_figure(results), "png"))
     summaries = [summary_of(result) for result in results]
-    if as_json:
+    if output.json:
         print_json(summaries)
     elif not quiet:
         print_line(answer_of(results))
@@ -224,8 +225,8 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
 
 
 def plan_long(
-    found: Found, line: Line, vehicle: Vehicle, settings: PlannerSettings, case_of: CaseOf, directory: Path, *, json: bool, quiet: bool
-) -> int:
+    found: Found, line: Line, vehicle: Vehicle, settings: PlannerSettings, case_of: CaseOf, directory: Path, output: Output
+) -> ExitCode:
     """Plan a vehicle along a road piece by piece, write the plan into a folder, and print its summary; return the exit code.
 
     ``line`` is the road's; ``case_of`` makes the case of a part of it.
@@ -233,6 +234,7 @@ def plan_long(
     from hdvplan.pieces import pieces_of, planned
     from hdvplan.report.joined import write_pieces
 
+    quiet = output.quiet
     note(f"{line.name} has {line.length / 1e3:.0f} km: it is planned in stretches, without pictures", quiet=quiet)
     with writing(f"to {directory}"), progress(f"planning {vehicle.name} along {line.name}", quiet=quiet) as on_progress:
         pieces = planned(pieces_of(found, vehicle, settings), case_of)
@@ -240,7 +242,7 @@ def plan_long(
     for remark in summary["notes"]:
         note(remark, quiet=quiet)
     verdict = summary["verdict"]
-    if json:
+    if output.json:
         print_json(summary)
     elif not quiet:
         print_line(verdict["text"])

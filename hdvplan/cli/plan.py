@@ -7,21 +7,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from hdvplan.cli.checks import check_bias, check_fits, check_room, meeting_of, refuse_on, smoothed, vehicles_named, warn_no_side
-from hdvplan.cli.completion import one_of
+from hdvplan.cli.checks import check_bias, check_fits, meeting_of, refuse_on, smoothed, vehicles_named
 from hdvplan.cli.console import note, progress, warn, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.legs import LAST, LEAD, finish, legs_in
 from hdvplan.cli.options import Output, RoadArgument, Room, VehiclesOption, check_folder, file_name
-from hdvplan.cli.outcome import cleared, compare, exit_code_of, looked_again, plan_long, tell, write
+from hdvplan.cli.outcome import cleared, compare, looked_again, plan_long, tell, write
 from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import LARGEST, PlannerSettings, PlanOptions
 from hdvplan.report import DRAWINGS
 from hdvplan.road.options import RoadOptions
-from hdvplan.settings import choice, fields_of
+from hdvplan.settings import Setting, fields_of
 
 if TYPE_CHECKING:
     from hdvplan.case import Case
@@ -36,6 +33,21 @@ _OTHERS = tuple(name for name in fields_of(PlannerSettings) if name != "clearanc
 
 
 @dataclass(frozen=True)
+class More:
+    """What no other command is asked."""
+
+    clearance: Annotated[str, Setting("Room to keep from every limit and obstacle [m]; max: as much as can be kept.", "M|max")] = "0.0"
+    leg_line: Annotated[
+        str | None,
+        Setting("Of a file of several legs: which axle's line backward ones are [default: lead-axle].", choices=(LEAD, LAST)),
+    ] = None
+    centreline: Annotated[
+        Path | None,
+        Setting("Of a Lanelet2 map: write it with the line that the lead rear axle drives as its lanelets' centreline.", "MAP.osm"),
+    ] = None
+
+
+@dataclass(frozen=True)
 class _Asked:
     """What is asked of every vehicle."""
 
@@ -45,9 +57,7 @@ class _Asked:
     settings: PlannerSettings
     options: PlanOptions
     output: Output
-    largest: bool  # whether as much clearance is wanted as can be kept
-    leg_line: str | None  # whose line a backward leg is
-    centreline: Path | None  # where to write a map with the planned line
+    more: More
 
     @property
     def solver(self) -> str:
@@ -73,35 +83,11 @@ def plan(
     vehicle: VehiclesOption,
     *,
     room: Annotated[Room, OptionsOf(Room, VEHICLE)],
-    clearance: Annotated[
-        str,
-        typer.Option(
-            metavar="M|max",
-            help="Room to keep from every limit and obstacle [m]; max: as much as can be kept.",
-            rich_help_panel=VEHICLE,
-        ),
-    ] = "0.0",
     reading: Annotated[RoadOptions, OptionsOf(RoadOptions, ROAD)],
-    leg_line: Annotated[
-        str | None,
-        typer.Option(
-            metavar=f"{LEAD}|{LAST}",
-            help="Of a file of several legs: which axle's line those are that are driven backwards [default: lead-axle].",
-            autocompletion=one_of((LEAD, LAST)),
-            rich_help_panel=ROAD,
-        ),
-    ] = None,
     settings: Annotated[PlannerSettings, OptionsOf(PlannerSettings, PLANNING, only=_OTHERS)],
     options: Annotated[PlanOptions, OptionsOf(PlanOptions, PLANNING, {"side": VEHICLE, "beside": VEHICLE, "meeting": VEHICLE})],
     output: Annotated[Output, OptionsOf(Output, OUTPUT)],
-    centreline: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="MAP.osm",
-            help="Of a Lanelet2 map: write it with the line that the lead rear axle drives as its lanelets' centreline.",
-            rich_help_panel=OUTPUT,
-        ),
-    ] = None,
+    more: Annotated[More, OptionsOf(More, VEHICLE, {"leg_line": ROAD, "centreline": OUTPUT})],
 ) -> int:
     """Plan a vehicle along a road and write what it sweeps.
 
@@ -114,11 +100,13 @@ def plan(
     Exit code 0: the driven path keeps all limits (to 1 cm), or the road has none. 1: it breaks one, or may with the
     --tracking-error, or no plan exists. 2: bad input.
     """
-    largest = clearance == LARGEST
-    settings = settings if largest else replace(settings, clearance=_metres(clearance))
-    if leg_line is not None:
-        choice("--leg-line", leg_line, (LEAD, LAST))
-    asked = _Asked(road, room.reaches(), reading, settings, options, output, largest, leg_line, centreline)
+    if more.clearance != LARGEST:
+        try:
+            settings = replace(settings, clearance=float(more.clearance))
+        except ValueError:
+            msg = f"--clearance must be a number of metres or {LARGEST}, not {more.clearance!r}"
+            raise OptionError(msg) from None
+    asked = _Asked(road, room.reaches(), reading, settings, options, output, more)
     output.drawn_on()  # a sheet or a format that cannot be is told before anything is read
     output.kinds()
     if (meeting := meeting_of(options)) is not None:
@@ -135,7 +123,7 @@ def plan(
 
     for text in () if options.beside is None else broken_notes(Path(options.beside)):
         warn(text, quiet=output.quiet)
-    if centreline is not None:
+    if more.centreline is not None:
         _check_centreline(road, [one.name for one in driven])
     return _plan_one(asked, driven[0]) if len(driven) == 1 else _plan_all(asked, driven)
 
@@ -153,7 +141,7 @@ def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
     found, output = _found(asked, vehicle), asked.output
     if found.line is not None and found.line.raw.legs:
         return _plan_legs(asked, found.line, vehicle)
-    if asked.leg_line is not None:
+    if asked.more.leg_line is not None:
         msg = f"{asked.road} has no legs, and no use for --leg-line"
         raise OptionError(msg, hint="leave --leg-line out")
     if found.line is not None and found.line.long:
@@ -161,10 +149,9 @@ def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
     result = _planned(asked, found, vehicle)
     directory = output.out or Path(f"{file_name(result.case.road.name)}.{file_name(vehicle.name)}")
     write(partial(write_plan, result), directory, output)
-    if asked.centreline is not None:
-        _write_centreline(asked, result, asked.centreline)
-    verdict = tell(result, directory, as_json=output.json, quiet=output.quiet)
-    return exit_code_of(result, verdict)
+    if asked.more.centreline is not None:
+        _write_centreline(asked, result, asked.more.centreline)
+    return tell(result, directory, output)
 
 
 def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
@@ -178,7 +165,7 @@ def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
         results.append(_planned(asked, found, vehicle))
         directory = output.out or Path(f"{file_name(results[0].case.road.name)}.compared")
         write(partial(write_plan, results[-1]), directory / file_name(vehicle.name), output)
-    return compare(results, directory, picture="png" in output.kinds(), as_json=output.json, quiet=output.quiet)
+    return compare(results, directory, output)
 
 
 def _check_centreline(road: str, vehicles: list[str]) -> None:
@@ -210,11 +197,11 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
 
     output, bias = asked.output, asked.options.bias
     dropped = {"--sheet": output.sheet is not None, "--animate": output.animate, "--bias centre": bias == CENTRE}
-    dropped |= {f"--clearance {LARGEST}": asked.largest, "--beside": asked.options.beside is not None}
-    dropped |= {"--centreline": asked.centreline is not None}
+    dropped |= {f"--clearance {LARGEST}": asked.more.clearance == LARGEST, "--beside": asked.options.beside is not None}
+    dropped |= {"--centreline": asked.more.centreline is not None}
     dropped |= {"--tracking-error": asked.settings.tracking_error > 0.0, "--format dxf,gpkg": bool({*output.kinds()} & {*DRAWINGS})}
     refuse_on(line, dropped)
-    check_room(vehicle, asked.reaches)
+    check_fits(vehicle, asked.reaches)
     along = NONE if bias is None else bias_named(bias, None)
     if bias is not None:
         check_bias(along, bias)
@@ -223,7 +210,7 @@ def _plan_long(asked: _Asked, found: Found, line: Line, vehicle: Vehicle) -> int
         return replace(asked.case(part, vehicle), bias=along)
 
     folder = output.out or Path(f"{file_name(line.name)}.{file_name(vehicle.name)}")
-    return plan_long(found, line, vehicle, asked.settings, case_of, folder, json=output.json, quiet=output.quiet)
+    return plan_long(found, line, vehicle, asked.settings, case_of, folder, output)
 
 
 def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
@@ -234,13 +221,13 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
     dropped = {
         "--beside": options.beside is not None,
         "--bias": options.bias is not None,
-        f"--clearance {LARGEST}": asked.largest,
+        f"--clearance {LARGEST}": asked.more.clearance == LARGEST,
         "--tracking-error": settings.tracking_error > 0.0,
         "--pass": options.side is not None,
     }
     refuse_on(line, dropped)
-    check_room(vehicle, asked.reaches)
-    legs = legs_in(line, vehicle, asked.reaches, last_axle=asked.leg_line == LAST, quiet=output.quiet)
+    check_fits(vehicle, asked.reaches)
+    legs = legs_in(line, vehicle, asked.reaches, last_axle=asked.more.leg_line == LAST, quiet=output.quiet)
     check_scale(output.drawn_on(), [leg.road.path for leg in legs.legs], vehicle, whole=True)
     with progress(f"planning {vehicle.name} along {len(legs.legs)} legs of {legs.name}", quiet=output.quiet) as on_progress:
         driven = plan_legs(
@@ -262,9 +249,10 @@ def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
 
     options, quiet = asked.options, asked.output.quiet
     track = smoothed(found, asked.road, quiet=quiet)
-    warn_no_side(track, options.side, quiet=quiet)
+    if options.side is not None and not any(one.on_line and track.regions[one.region].side is None for one in track.passages):
+        warn(f"--pass {options.side} has no effect: no obstacle lies on the line, or each has a side of its own", quiet=quiet)
     case = asked.case(track, vehicle)
-    check_fits(case.road, vehicle, asked.reaches)
+    check_fits(vehicle, asked.reaches, case.road)
     check_scale(asked.output.drawn_on(), [case.road.path], vehicle, whole=False)
     with progress(f"planning {vehicle.name} along {case.road.name}", quiet=quiet) as on_progress:
         if options.bias is not None:
@@ -272,12 +260,4 @@ def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
             check_bias(case.bias, options.bias)
         result = api.plan(case, on_progress=on_progress)
     result = looked_again(result, proof=options.proof, refine=options.refine, quiet=quiet)
-    return cleared(result, quiet=quiet) if asked.largest else result
-
-
-def _metres(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        msg = f"--clearance must be a number of metres or {LARGEST}, not {text!r}"
-        raise OptionError(msg) from None
+    return cleared(result, quiet=quiet) if asked.more.clearance == LARGEST else result

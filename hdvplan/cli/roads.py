@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from enum import StrEnum
+from math import isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -133,8 +134,6 @@ class Turn:
             OptionError: it is given twice, or is none.
 
         """
-        from math import isfinite
-
         if self.radius is not None and self.max_curvature is not None:
             msg = "--radius and --max-curvature say the same thing; give one"
             raise OptionError(msg)
@@ -151,8 +150,6 @@ class Turn:
             OptionError: a number that no turn can have.
 
         """
-        from math import isfinite, radians
-
         from hdvplan.road.scenarios import sturn_profile, turn_profile, uturn_profile
 
         curvature = self.curvature()
@@ -197,8 +194,9 @@ def make_road(
     profile, half_width = turn.profile(Shape(choice("NAME", shape, list(Shape)))), turn.half_width
     if half_width is not None:
         Limits.constant(half_width, half_width, 1.0)  # refuses what cannot be a limit
-    text = _csv(profile, half_width)
     s, kappa = profile
+    extra, header = ("", "s,kappa") if half_width is None else (f",{half_width!r},{half_width!r}", "s,kappa,left,right")
+    text = "".join(f"{line}\n" for line in (header, *(f"{at!r},{k!r}{extra}" for at, k in zip(s, kappa, strict=True))))
     sharpest = max(map(abs, kappa))
     if out == Path("-"):
         sys.stdout.write(text)
@@ -254,10 +252,3 @@ def _fit_json(fit: Fit) -> dict[str, object]:
         "fits": fit.fits,
         "findings": [finding_json(finding) for finding in fit.findings],
     }
-
-
-def _csv(profile: Profile, half_width: float | None) -> str:
-    extra = "" if half_width is None else f",{half_width!r},{half_width!r}"
-    header = "s,kappa" if half_width is None else "s,kappa,left,right"
-    lines = [f"{s!r},{kappa!r}{extra}" for s, kappa in zip(*profile, strict=True)]
-    return "\n".join([header, *lines]) + "\n"

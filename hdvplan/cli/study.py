@@ -36,6 +36,7 @@ class Running:
     scheduler: Annotated[str | None, Setting("Run on the Dask cluster at this address, such as tcp://10.0.0.1:8786.", "ADDRESS")] = None
     cell_limit: Annotated[float, Setting("Longest time for one cell [s].", "S")] = 1800.0
     retries: Annotated[int | None, Setting("Further tries of a cell that failed, hung or was killed [default: 1].", "N")] = None
+    fail_on_no: Annotated[bool, Setting("Exit code 1 where a vehicle does not fit, too.")] = False
 
     def check(self) -> None:
         """Refuse numbers that cannot be, and what a cluster decides by itself.
@@ -82,10 +83,7 @@ def study(
         Path, typer.Option("--out", metavar="DIR", help="Where to write; a study that is there is resumed.", rich_help_panel=OUTPUT)
     ],
     *,
-    running: Annotated[Running, OptionsOf(Running, _RUNNING)],
-    fail_on_no: Annotated[
-        bool, typer.Option("--fail-on-no", help="Exit code 1 where a vehicle does not fit, too.", rich_help_panel=OUTPUT)
-    ] = False,
+    running: Annotated[Running, OptionsOf(Running, _RUNNING, {"fail_on_no": OUTPUT})],
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> int:
@@ -139,7 +137,7 @@ def study(
         hint = "the column reason of cells.csv has every reason"
         hint += "; the same command tries again those that failed, hung or were killed" if again else ""
         report_error(f"{_cells(results.unanswered)} without an answer", hint, _first(told, "reasons"))
-    unfit = results.unfit() if fail_on_no else []
+    unfit = results.unfit() if running.fail_on_no else []
     if unfit:
         report_error(f"{_cells(len(unfit))} whose vehicle does not fit", "cells.csv has all, word NO", _first(unfit, "cells"))
     return ExitCode.BROKEN if results.unanswered or unfit else ExitCode.OK

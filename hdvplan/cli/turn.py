@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,7 +22,6 @@ from hdvplan.turning.reversing.options import SiteOptions, Template, template_na
 if TYPE_CHECKING:
     from hdvplan.turning.manoeuvre import Manoeuvre
     from hdvplan.turning.templates import Template as TurnTemplate
-    from hdvplan.turning.turn import Turn
 
 _STEADY = "steady"
 _GUIDE = "front-axle"
@@ -58,8 +58,6 @@ class TurnOptions:
             OptionError: they describe none, or two.
 
         """
-        from math import radians
-
         from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre
         from hdvplan.turning.templates import load_template
 
@@ -130,7 +128,9 @@ def turn(
 
     kinds, wanted = output.kinds(TURN_DRAWINGS), described.wanted()
     found = drive(vehicle_named(vehicle, quiet=output.quiet), wanted)
-    directory = output.out or Path(_folder(found))
+    manoeuvre, name = found.driven.manoeuvre, "" if found.template is None else found.template.name
+    angle = _STEADY if manoeuvre.angle is None else f"{degrees(manoeuvre.angle):g}"
+    directory = output.out or Path(file_name(f"{name or f'turn-{manoeuvre.radius:g}m-{angle}'}.{found.driven.vehicle.name}"))
     with writing(f"to {directory}"):
         write_turn(found, directory, kinds=kinds)
     if output.json:
@@ -170,18 +170,7 @@ def answered(template: Template, vehicle: str, site: SiteOptions, output: Output
     return ExitCode.OK
 
 
-def _folder(found: Turn) -> str:
-    from math import degrees
-
-    manoeuvre = found.driven.manoeuvre
-    angle = _STEADY if manoeuvre.angle is None else f"{degrees(manoeuvre.angle):g}"
-    name = f"turn-{manoeuvre.radius:g}m-{angle}" if found.template is None else found.template.name
-    return file_name(f"{name}.{found.driven.vehicle.name}")
-
-
 def _list(*, json: bool) -> int:
-    from math import degrees
-
     from hdvplan.report.grid import grid
     from hdvplan.turning.templates import load_template, template_names
 

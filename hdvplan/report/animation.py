@@ -24,7 +24,7 @@ from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report.colours import answer_colour, body_colour
 from hdvplan.report.layers import Layer, drawn_features
-from hdvplan.report.maps import HEAD, around, draw_direction, draw_features, finish_map, frame, reach_within, stations, swept_label
+from hdvplan.report.maps import HEAD, around, centre_of, draw_direction, draw_features, finish_map, frame, reach_within, swept_label
 from hdvplan.report.rooms import Window, half_length, joined, tightest_windows
 from hdvplan.report.style import body_fill, styled, write_head
 
@@ -158,7 +158,7 @@ def _repaint(shown: Image.Image, masks: list[Image.Image], ground: Ground, bodie
 
 def _map(result: Result, window: Window) -> Ground:
     drive, verdict = result.drive, verdict_of(result)
-    points, room = np.column_stack(drive.road.path.to_plane(stations(window), 0.0)), reach_within(result, window)
+    points, room = centre_of(result, window), reach_within(result, window)
 
     def draw(axes: Axes) -> None:
         draw_features(axes, (feature for feature in drawn_features(result) if feature.layer in _GROUND), around(points, room))

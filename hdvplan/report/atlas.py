@@ -22,6 +22,7 @@ from hdvplan.report.kerbs import judged_stretch, tubes_of
 from hdvplan.report.layers import Drawn, Layer, drawn_features
 from hdvplan.report.maps import (
     around,
+    centre_of,
     draw_bodies,
     draw_direction,
     draw_features,
@@ -33,10 +34,9 @@ from hdvplan.report.maps import (
     finish_map,
     frame,
     reach_within,
-    stations,
 )
 from hdvplan.report.rooms import LONG_ROAD_M, Window, joined, outwards_at, pose_touching
-from hdvplan.report.style import ON_WHITE, SLIDE_IN, fitted_legend, styled, write_head, write_within
+from hdvplan.report.style import ON_WHITE, SLIDE_IN, fitted_legend, mark_broken, styled, write_head, write_within
 from hdvplan.road.road import Road
 
 _ABREAST = 2  # enlargements beside each other
@@ -55,7 +55,7 @@ def draw_atlas(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -
     """Draw the whole road and its enlarged stretches; a tall road's map stands beside them, a wide one's above."""
     path, features = result.drive.road.path, drawn_features(result)
     whole = Window(0.0, path.length)
-    across, up = (float(np.ptp(side)) for side in path.to_plane(stations(whole), 0.0))
+    across, up = np.ptp(centre_of(result, whole), axis=0)
     tall = up > _TALL * across
     if tall:
         rows = len(windows) if len(windows) <= _ABREAST else -(-len(windows) // _ABREAST)
@@ -129,8 +129,7 @@ def _draw_hits(axes: Axes, result: Result, away: float) -> None:
     hits = sorted((near for near in result.approaches if near.distance < -KEPT_M), key=lambda near: near.distance)
     if not hits:
         return
-    x, y = zip(*((near.x, near.y) for near in hits), strict=True)
-    axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="obstacle hit", zorder=5)
+    mark_broken(axes, np.array([(near.x, near.y) for near in hits]), "obstacle hit")
     for near in hits[:_MOST_DEPTHS]:
         text = f"{-near.distance:.2f} m into {near.obstacle.label or 'an obstacle'}"
         _write_beside(axes, text, (near.x, near.y), away * outwards_at(result, near.s, near.side))
@@ -147,7 +146,7 @@ def _write_beside(axes: Axes, text: str, place: tuple[float, float], away: Float
 def _points(result: Result, window: Window) -> FloatArray:
     """Return the points that a map shows: of the line, and of the place that makes the stretch worth it, which may lie beyond its ends."""
     place = np.empty((0, 2)) if window.room is None else window.room.ends
-    return np.concatenate([np.column_stack(result.drive.road.path.to_plane(stations(window), 0.0)), place])
+    return np.concatenate([centre_of(result, window), place])
 
 
 def _named(axes: Axes) -> dict[str, Artist]:

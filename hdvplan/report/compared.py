@@ -17,19 +17,18 @@ from hdvplan.judging.verdict import amount_text, short_verdict, strays_text, ver
 from hdvplan.report.colours import INK, MUTED, answer_colour, body_colour
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.layers import Drawn, Layer, drawn_features
-from hdvplan.report.maps import around, draw_direction, draw_features, draw_overview, finish_map, frame, outline_of, reach_within, stations
+from hdvplan.report.maps import around, centre_of, draw_direction, draw_features, draw_overview, finish_map, frame, outline_of, reach_within
 from hdvplan.report.rooms import Window, shown_reach, tightest_windows
-from hdvplan.report.style import SLIDE_IN, styled, write_head
+from hdvplan.report.style import SLIDE_IN, legend_above, styled, write_head
 
 _ROAD = (Layer.ROAD, Layer.OBSTACLES, Layer.SWEEPABLE, Layer.LIMITS)
 _NUMBERS = {
-    "spare_m": "to spare [m]",
-    "kept_m": "kept [m]",
-    "clearance_m": "asked [m]",
-    "half_width_m": "half width [m]",
-    "s_m": "at s [m]",
+    "spare_m": ("to spare [m]", 3),
+    "kept_m": ("kept [m]", 3),
+    "clearance_m": ("asked [m]", 3),
+    "half_width_m": ("half width [m]", 3),
+    "s_m": ("at s [m]", 1),
 }
-_DIGITS = {"spare_m": 3, "kept_m": 3, "clearance_m": 3, "half_width_m": 3, "s_m": 1}
 _MAPS = 2  # of the places that are tightest for the vehicle with the least room
 _LETTERS = 50  # of a title, within its map
 _BEYOND_M = 0.5  # that the profile shows
@@ -56,7 +55,10 @@ def answer_texts(table: pd.DataFrame) -> pd.DataFrame:
     table = table.assign(kept_m=table["spare_m"] + table["clearance_m"])
     dropped = {"spare_m"} if table["clearance_m"].any() else {"kept_m", "clearance_m"}
     shown = [name for name in _NUMBERS if name not in dropped and table[name].notna().any()]
-    texts = {_NUMBERS[name]: ["-" if np.isnan(value) else f"{value:.{_DIGITS[name]}f}" for value in table[name]] for name in shown}
+    texts = {}
+    for name in shown:
+        title, digits = _NUMBERS[name]
+        texts[title] = ["-" if np.isnan(value) else f"{value:.{digits}f}" for value in table[name]]
     answers = table["answer"] + np.where(table["proved"], ", proved", "")
     return pd.DataFrame({"vehicle": table["vehicle"], "answer": answers, **texts, "what decides": table["decides"]})
 
@@ -101,7 +103,7 @@ def _spare(result: Result) -> float:
 
 
 def _draw_map(axes: Axes, results: Sequence[Result], tightest: Result, features: Sequence[Drawn], window: Window) -> None:
-    points = np.column_stack(tightest.drive.road.path.to_plane(stations(window), 0.0))
+    points = centre_of(tightest, window)
     room = max(reach_within(result, window) for result in results)
     draw_features(axes, features, around(points, room))
     for number, result in enumerate(results):
@@ -137,4 +139,4 @@ def _draw_envelopes(axes: Axes, results: Sequence[Result], tightest: Result) -> 
     axes.axhline(0.0, color=MUTED, linewidth=0.7)
     axes.set(xlabel="arclength s [m]", ylabel="reach [m]\n(left positive)", xlim=(0.0, tightest.drive.road.path.length))
     axes.grid(visible=True)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0, ncols=6)
+    legend_above(axes, columns=6)

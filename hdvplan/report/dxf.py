@@ -14,7 +14,6 @@ from ezdxf import units
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 
-from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.report.layers import Drawn, Layer, System
 from hdvplan.road.regions import polygons_of
@@ -73,8 +72,12 @@ def dxf_bytes(features: Sequence[Drawn], system: System, notes: Sequence[str], n
     space = document.modelspace()
     for feature in features:
         _draw(document, space, feature, system)
-    bounds = shapely.total_bounds([system.place(feature.geometry) for feature in features])
-    _write_notes(document, space, bounds, [*notes, *how_to_read, *filter(None, [notice])])
+    left, low, right, high = map(float, shapely.total_bounds([system.place(feature.geometry) for feature in features]))
+    height = min(max(_NOTES_SHARE * max(right - left, high - low), _NOTES_M[0]), _NOTES_M[1])
+    document.layers.add(_NOTES, color=7)
+    lines = [_plain(line) for line in (*notes, *how_to_read, *filter(None, [notice]))]
+    text = space.add_mtext("\\P".join(lines), dxfattribs={"layer": _NOTES, "char_height": height})
+    text.set_location((left, high + 2.0 * height), attachment_point=7)  # its lower left corner
     buffer = StringIO()
     document.write(buffer)
     return document.encode(buffer.getvalue())
@@ -92,17 +95,13 @@ def _draw(document: Drawing, space: Modelspace, feature: Drawn, system: System) 
             for ring in (polygon.exterior, *polygon.interiors):
                 space.add_lwpolyline(ring.coords[:-1], close=True, dxfattribs={"layer": layer})
         if feature.layer in _HATCHED:
-            _fill(space, polygons, layer)
+            hatch = space.add_hatch(dxfattribs={"layer": layer})
+            for polygon in polygons:
+                hatch.paths.add_polyline_path(list(polygon.exterior.coords), is_closed=True)
         where = np.array(placed.representative_point().coords[0])
     if feature.label:
         text = space.add_text(_literal(feature.label), height=_TEXT_M, dxfattribs={"layer": layer})
         text.set_placement(tuple(where), align=TextEntityAlignment.MIDDLE_LEFT)
-
-
-def _fill(space: Modelspace, polygons: list[shapely.Polygon], layer: str) -> None:
-    hatch = space.add_hatch(dxfattribs={"layer": layer})
-    for polygon in polygons:
-        hatch.paths.add_polyline_path(list(polygon.exterior.coords), is_closed=True)
 
 
 def _layer(document: Drawing, feature: Drawn) -> str:
@@ -120,14 +119,6 @@ def _layer(document: Drawing, feature: Drawn) -> str:
     if name not in document.layers:
         document.layers.add(name, color=look.colour, linetype=look.linetype, lineweight=look.width)
     return name
-
-
-def _write_notes(document: Drawing, space: Modelspace, bounds: FloatArray, lines: Sequence[str]) -> None:
-    document.layers.add(_NOTES, color=7)
-    left, low, right, high = (float(bound) for bound in bounds)
-    height = min(max(_NOTES_SHARE * max(right - left, high - low), _NOTES_M[0]), _NOTES_M[1])
-    text = space.add_mtext("\\P".join(_plain(line) for line in lines), dxfattribs={"layer": _NOTES, "char_height": height})
-    text.set_location((left, high + 2.0 * height), attachment_point=7)  # its lower left corner
 
 
 def _plain(line: str) -> str:

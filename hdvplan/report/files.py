@@ -19,7 +19,7 @@ from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of
 from hdvplan.record import NAME, record_of
 from hdvplan.report import DRAWINGS, PICTURES
 from hdvplan.report.geojson import swept_geojson
-from hdvplan.report.layers import Drawn, System, drawing_system, drawn_features, limit_features, map_system
+from hdvplan.report.layers import Drawn, System, conflict_features, drawing_system, drawn_features, kerb_features, map_system
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import Json, summary_of
 from hdvplan.road.regions import Region, outlines_of
@@ -193,7 +193,7 @@ def limits_json(result: Result) -> list[Json]:
             **{name: drawn.properties[name] for name in ("side", "binds", "bridged", "depth_m") if name in drawn.properties},
             "lines": [np.round(line.coords, 3).tolist() for line in outlines_of(shapely.simplify(drawn.geometry, _COARSE_M))],
         }
-        for drawn in limit_features(result)
+        for drawn in (*kerb_features(result), *conflict_features(result))
     ]
 
 

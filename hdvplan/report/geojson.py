@@ -23,7 +23,6 @@ from hdvplan.road.road import Road
 
 CHUNK_M = 50.0  # a road's swept area is cut into pieces this long: each is simple even where the road crosses itself
 CENTRE_SPACING_M = 0.5
-REGION = "region"  # a kind
 _DEGREES = 7  # decimals: about 1 cm
 _FINE_DEGREES = 9  # about 0.1 mm, for areas that are centimetres wide
 _METRES_GRID = 1e-3
@@ -50,7 +49,7 @@ def _most(reach: FloatArray) -> float | None:
 
 
 def swept_features(result: Result, areas: Sequence[BaseGeometry] | None = None, named: Json | None = None) -> list[Json]:
-    """Return the features of ``swept_geojson``, with the properties ``named``; ``areas`` [m] stand for what bodies sweep along the road."""
+    """Return the features of ``swept_geojson``, with the properties ``named``; ``areas`` [m] stand for what bodies sweep along a leg."""
     drive, envelope = result.drive, result.envelope
     road, vehicle = drive.road, drive.vehicle
     common: Json = {"road": road.name, "vehicle": vehicle.name} | (named or {})
@@ -78,7 +77,7 @@ def swept_features(result: Result, areas: Sequence[BaseGeometry] | None = None, 
     )
     driven = _points(drive.stations.path, drive.poses_s, drive.poses_z[:, 0])
     features.append(feature(simple_line(driven, _SIMPLER_M), road, common | {"kind": "driven line"} | _line_style(INK, 1), fine=True))
-    features += [region_feature(region, road, common) for region in road.regions]
+    features += [region_feature(region, road, common) for region in road.regions if areas is None]  # a leg's are cut
     for track in wheel_tracks(drive):
         wheel, line = track.wheel, simple_line(track.points, _SIMPLER_M)
         properties = common | {"kind": "wheel track", "unit": body_name(vehicle, wheel.unit), "axle": wheel.axle, "side": wheel.side}
@@ -88,7 +87,7 @@ def swept_features(result: Result, areas: Sequence[BaseGeometry] | None = None, 
 
 def region_feature(region: Region, road: Road, common: Json) -> Json:
     """Return an obstacle or a sweepable area beside a road."""
-    properties = common | {"kind": REGION, "region": str(region.kind)} | ({"name": region.label} if region.label else {})
+    properties = common | {"kind": "region", "region": str(region.kind)} | ({"name": region.label} if region.label else {})
     return feature(shapely.simplify(region.polygon, _SIMPLER_M), road, properties | area_style(MUTED))
 
 
@@ -139,11 +138,8 @@ def feature(geometry: BaseGeometry, road: Road, properties: Json, *, fine: bool 
     if not isinstance(placed, shapely.LineString):
         parts = [orient(part) for part in polygons_of(_rounded(placed, grid))]
         placed = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
-    return {
-        "type": "Feature",
-        "properties": properties,
-        "geometry": {"type": placed.geom_type, "coordinates": _coordinates(placed, digits)},
-    }
+    rounded = shapely.transform(placed, lambda points: np.round(points, digits))
+    return {"type": "Feature", "properties": properties, "geometry": shapely.geometry.mapping(rounded)}
 
 
 def _rounded(area: BaseGeometry, grid: float) -> BaseGeometry:
@@ -152,12 +148,3 @@ def _rounded(area: BaseGeometry, grid: float) -> BaseGeometry:
         return shapely.set_precision(area, grid)
     except shapely.GEOSException:
         return shapely.make_valid(shapely.set_precision(area, grid, mode="pointwise"))
-
-
-def _coordinates(geometry: BaseGeometry, digits: int) -> list[Any]:
-    if isinstance(geometry, shapely.MultiPolygon):
-        return [_coordinates(part, digits) for part in geometry.geoms]
-    if isinstance(geometry, shapely.Polygon):
-        return [_coordinates(ring, digits) for ring in (geometry.exterior, *geometry.interiors)]
-    rounded: list[Any] = np.round(shapely.get_coordinates(geometry), digits).tolist()
-    return rounded

@@ -22,8 +22,7 @@ from hdvplan.road.regions import called
 from hdvplan.texts import encoded
 from hdvplan.version import __version__
 
-MOST_BREACHES = 20  # listed; the summary file holds all
-MOST_OBSTACLES = 20  # listed, nearest first
+_MOST = 20  # breaches, and nearest obstacles, that are listed; the summary file holds all
 _LIMITS = {
     ("bridged", False): ("", "limits"),
     ("binds", "overhangs"): ("dotted", "limits of overhangs"),
@@ -106,7 +105,9 @@ def write_report(
 
 def report_html(plans: Sequence[PlanFiles], title: str, pictured: Sequence[Pictured] = ()) -> str:
     """Return the page that shows ``plans`` side by side: summary, maps, diagrams, tables, step times; then what is ``pictured``."""
-    plans = [replace(plan, summary=plan.summary | {"narrowest": _narrowest(plan)} | _given(plan)) for plan in plans]
+    widths = [plan.envelope["left_limit"] - plan.envelope["right_limit"] for plan in plans]
+    narrowest = [float(width.min()) if width.notna().any() else None for width in widths]
+    plans = [replace(plan, summary=plan.summary | {"narrowest": m} | _given(plan)) for plan, m in zip(plans, narrowest, strict=True)]
     summaries = [plan.summary for plan in plans]
     edges = _edges([plan.steps["total_ms"].to_numpy() for plan in plans])
     return page_template("report.html.j2").render(
@@ -145,11 +146,6 @@ def _row(summaries: Sequence[Json], name: str, unit: str, key: str, digits: int 
     return {"name": name, "unit": unit, "cells": [_cell(summary, key, digits) for summary in summaries], "meaning": meaning}
 
 
-def _narrowest(plan: PlanFiles) -> float | None:
-    width = plan.envelope["left_limit"] - plan.envelope["right_limit"]
-    return float(width.min()) if width.notna().any() else None
-
-
 def _headings(plans: Sequence[PlanFiles]) -> list[str]:
     ways = {tuple(str(plan.summary[key]) for key in _HOW) for plan in plans}
     subjects = [f"{plan.summary['vehicle']} on {plan.summary['road']}" for plan in plans]
@@ -175,10 +171,10 @@ def _panel(plan: PlanFiles, heading: str, short: str, edges: FloatArray) -> Json
         "short": short,
         "verdict": verdict_text(summary),
         "bodies": [body["name"] for body in summary["bodies"]],
-        "breaches": [breach | {"limit": _broken(breach)} for breach in breaches[:MOST_BREACHES]],
-        "more_breaches": len(breaches) - MOST_BREACHES,
+        "breaches": [breach | {"limit": _broken(breach)} for breach in breaches[:_MOST]],
+        "more_breaches": len(breaches) - _MOST,
         "places": tight_places(plan),
-        "obstacles": sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:MOST_OBSTACLES],
+        "obstacles": sorted(summary["obstacles"], key=lambda near: float(near["distance_m"]))[:_MOST],
         "kept_m": KEPT_M,
         "limits": [key for name, key in _LIMITS.items() if any(limit.get(name[0]) == name[1] for limit in plan.limits)],
         "regions": sorted({region["region"] for region in plan.regions}),

@@ -39,7 +39,6 @@ _MOST = (
     "max_left_m", "max_right_m", "expected_half_width_m", "needed_half_width_m", "limit_violation_m", "sqp_iterations_max",
     "prediction_error_m", "merit_max", "tighter_than_balanced_circle",
 )  # fmt: skip
-_LEAST = ("min_clearance_m",)
 _BY_LENGTH = ("mean_bias_m", "mean_abs_imbalance_m", "mean_abs_off_bias_m")
 _BY_PLANS = ("sqp_iterations_mean", "merit_mean")
 _LISTS = ("fit", "passed", "failed_steps", "rescued_steps", "attempts", "corners")
@@ -92,7 +91,7 @@ def write_pieces(pieces: Iterable[Judged], directory: Path, *, on_progress: Call
         regions = {outline: region for one in kept for outline, region in one.regions.items()}
         (aside / REGIONS).write_bytes(json_bytes(list(regions.values()), indent=None))
         (aside / LIMITS).write_bytes(json_bytes(limits, indent=None))
-        record["stretches"] = {"count": len(kept), "digest": digest_of(kept)}
+        record["stretches"] = {"count": len(kept), "digest": content_digest([one.key for one in kept])}
         (aside / NAME).write_bytes(json_bytes(record))
         summary.update(joined_summary(kept))
         (aside / FILES.last).write_bytes(json_bytes(summary))
@@ -143,20 +142,14 @@ def _moved(value: object, by: float, key: str = "") -> object:
     return value
 
 
-def digest_of(pieces: Sequence[Kept]) -> str:
-    """Return a digest of the cases of a road's pieces."""
-    return content_digest([one.key for one in pieces])
-
-
 def joined_summary(pieces: Sequence[Kept]) -> Json:
     """Return the summary of a whole road from what is kept of its pieces, in their order."""
     every: list[Json] = [one.summary for one in pieces]
     summary: Json = {"verdict": _verdict(every)}
     summary |= {key: every[0][key] for key in _FIRST}
     summary |= {key: sum(one[key] for one in every) for key in _SUMS}
-    summary |= {key: _of(max, [one[key] for one in every]) for key in _MOST} | {
-        key: _of(min, [one[key] for one in every]) for key in _LEAST
-    }
+    summary |= {key: _of(max, [one[key] for one in every]) for key in _MOST}
+    summary["min_clearance_m"] = _of(min, [one["min_clearance_m"] for one in every])
     lengths, plans = ([float(one[key]) for one in every] for key in ("length_m", "plans"))
     summary |= {key: _mean([one[key] for one in every], lengths) for key in _BY_LENGTH}
     summary |= {key: _mean([one[key] for one in every], plans) for key in _BY_PLANS}
@@ -168,7 +161,8 @@ def joined_summary(pieces: Sequence[Kept]) -> Json:
     summary["status"] = min((one["status"] for one in every), key=_WORST_FIRST.index)
     summary["breaches"] = _breaches([breach for one in every for breach in one["breaches"]])
     summary["obstacles"] = _obstacles(pieces)
-    summary["manners"] = _steering([one["manners"] for one in every])
+    summary["manners"] = {use: _use([one["manners"][use] for one in every]) for use in ("steering", "steering_rate")}
+    summary["manners"]["lock_to_lock"] = [stretch for one in every for stretch in one["manners"]["lock_to_lock"]]
     summary["smoothing"] = _smoothing([one["smoothing"] for one in every], lengths)
     summary["time_ms"] = times_json(np.concatenate([one.times for one in pieces]))
     summary["stretches"] = {"count": len(every)}
@@ -223,14 +217,6 @@ def _breaches(breaches: list[Json]) -> list[Json]:
 def _goes_on(before: Json, after: Json) -> bool:
     same = all(before[key] == after[key] for key in ("side", "region", "obstacle"))
     return same and abs(after["s_from"] - before["s_to"]) <= ONE_M
-
-
-def _steering(every: list[Json]) -> Json:
-    return {
-        "steering": _use([one["steering"] for one in every]),
-        "steering_rate": _use([one["steering_rate"] for one in every]),
-        "lock_to_lock": [stretch for one in every for stretch in one["lock_to_lock"]],
-    }
 
 
 def _use(uses: list[Json]) -> Json:

@@ -63,13 +63,13 @@ def simple_line(points: FloatArray, off: float = SIMPLER_M) -> shapely.LineStrin
     return line
 
 
-def shown_kerbs(result: Result, s_from: float = 0.0, s_to: float = np.inf) -> list[KerbLine]:
-    """Return the kerbs that a drawing shows beside a stretch, as far as they are judged: without widths only what is near the drive.
+def shown_kerbs(result: Result) -> list[KerbLine]:
+    """Return the kerbs that a drawing shows, as far as they are judged: without widths only what is near the drive.
 
     Those of overhangs are shown where wheels have others.
     """
     road = result.drive.road
-    every = kerb_lines(road, *judged_stretch(result, s_from, s_to), walls=False)
+    every = kerb_lines(road, *judged_stretch(result, 0.0, np.inf), walls=False)
     of_wheels = [one for one in every if one.binds == "wheels"]
     found = _less([one for one in every if one.binds == "overhangs"], [one.line for one in of_wheels])
     found = sorted(of_wheels + found, key=lambda one: one.side)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import chain
 
 import numpy as np
 import shapely
@@ -62,13 +63,8 @@ class Drawn:
 
 def drawn_features(result: Result) -> tuple[Drawn, ...]:
     """Return all features of a plan's drawing, in the order of their layers, x, y [m]."""
-    return tuple(feature for of_layer in _LAYERS for feature in of_layer(result))
-
-
-def limit_features(result: Result) -> Iterator[Drawn]:
-    """Yield the features of a plan's drawing that are limits, or beyond one, x, y [m]."""
-    yield from kerb_features(result)
-    yield from _conflicts(result)
+    ground = (_road(result), region_features(result.drive.road.regions), _envelopes(result), kerb_features(result))
+    return tuple(chain(*ground, _tracks(result), _vehicles(result), _clearances(result), conflict_features(result)))
 
 
 def outline_places(result: Result, s_from: float, s_to: float) -> list[float]:
@@ -100,10 +96,6 @@ def region_features(regions: Sequence[Region]) -> Iterator[Drawn]:
                 yield Drawn(layer, region.polygon, {"name": region.label or None}, region.label)
     for edge in dict.fromkeys(edge for region in regions for edge in region.edges):
         yield Drawn(Layer.KERBS, edge.line, {"name": edge.label}, edge.label)
-
-
-def _regions(result: Result) -> Iterator[Drawn]:
-    yield from region_features(result.drive.road.regions)
 
 
 def _envelopes(result: Result) -> Iterator[Drawn]:
@@ -142,7 +134,8 @@ def _clearances(result: Result) -> Iterator[Drawn]:
             yield Drawn(Layer.CLEARANCE, shapely.LineString(room.ends), named, f"{max(-room.depth, 0.0):.2f}")
 
 
-def _conflicts(result: Result) -> Iterator[Drawn]:
+def conflict_features(result: Result) -> Iterator[Drawn]:
+    """Yield what was swept beyond an edge, and the parts of obstacles that bodies entered, x, y [m]."""
     vehicle = result.drive.vehicle
     for breach in result.balance.breaches:
         area = beyond_kerb(result, breach) if breach.obstacle is None else shared_with(result, approach_of(result, breach))
@@ -155,9 +148,6 @@ def _conflicts(result: Result) -> Iterator[Drawn]:
         what = {"obstacle": near.obstacle.label, "text": entered_text(result, near)}
         named = where | {"side": near.side, "unit": body_name(vehicle, near.unit)} | what
         yield Drawn(Layer.CONFLICTS, shared_with(result, near), named, f"{-near.distance:.2f}")
-
-
-_LAYERS = (_road, _regions, _envelopes, kerb_features, _tracks, _vehicles, _clearances, _conflicts)
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ import shapely
 from hdvplan.columns import Column, table_bytes
 from hdvplan.fileio import json_bytes
 from hdvplan.judging.bodies import corners
-from hdvplan.judging.legs import JACKKNIFE, Jackknife, LegsResult
+from hdvplan.judging.legs import JACKKNIFE, LegsResult
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
 from hdvplan.report.files import FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, drawing_bytes, path_table, regions_json
-from hdvplan.report.geojson import REGION, region_feature, swept_features
+from hdvplan.report.geojson import region_feature, swept_features
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body, region_features
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import summary_of, verdict_json
@@ -26,8 +26,7 @@ from hdvplan.road.legs import Leg
 
 Json = dict[str, Any]
 _COMMON = ("road", "vehicle", "scheme", "solver", "objective", "settings", "bodies", "wheels", "notice", "clearance_wanted_m", "version")
-_ONCE = (Layer.OBSTACLES, Layer.SWEEPABLE, Layer.KERBS)
-_OWN = (*_ONCE, Layer.ENVELOPE, Layer.VEHICLES)  # layers that a drive along one line draws otherwise
+_OWN = (Layer.OBSTACLES, Layer.SWEEPABLE, Layer.KERBS, Layer.ENVELOPE, Layer.VEHICLES)  # a drive along one line draws them otherwise
 
 
 def write_legs(
@@ -104,12 +103,11 @@ def _summary(driven: LegsResult, at: int, summary: Json) -> Json:
         "off_line_end_m": off,
         "off_line_end_deg": float(np.degrees(turned)),
     }
-    return {"leg": at + 1, "direction": leg.direction} | own | ends | {"jackknife": None if folded is None else _jackknife(folded)}
-
-
-def _jackknife(folded: Jackknife) -> Json:
-    angles = {"angle_deg": float(np.degrees(folded.angle)), "critical_deg": float(np.degrees(folded.critical))}
-    return {"s_m": folded.s, "x": folded.x, "y": folded.y, "coupling": folded.coupling + 1} | angles
+    jackknife = None
+    if folded is not None:
+        jackknife = {"s_m": folded.s, "x": folded.x, "y": folded.y, "coupling": folded.coupling + 1}
+        jackknife |= {"angle_deg": float(np.degrees(folded.angle)), "critical_deg": float(np.degrees(folded.critical))}
+    return {"leg": at + 1, "direction": leg.direction} | own | ends | {"jackknife": jackknife}
 
 
 def _table(driven: LegsResult, table_of: Callable[[Result], Table]) -> bytes:
@@ -168,7 +166,6 @@ def legs_geojson(driven: LegsResult) -> Json:
     """Return a FeatureCollection as of a road, with ``leg`` and ``direction``; swept areas include what lies beyond the lines' ends."""
     name, features = driven.legs.name, list[Json]()
     for number, (result, leg) in enumerate(zip(driven.results, driven.legs.legs, strict=True), start=1):
-        of_leg = swept_features(result, result.swept, {"road": name, "leg": number, "direction": leg.direction})
-        features += [one for one in of_leg if one["properties"]["kind"] != REGION]  # a leg's are cut
+        features += swept_features(result, result.swept, {"road": name, "leg": number, "direction": leg.direction})
     regions = [region_feature(region, driven.legs.legs[0].road, {"road": name}) for region in driven.legs.regions]
     return {"type": "FeatureCollection", "features": features + regions}

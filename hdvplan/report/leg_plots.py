@@ -20,7 +20,7 @@ from hdvplan.report.animation import LAST_MS, Pose, frames_of, gif_bytes, ground
 from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.layers import kerb_features, region_features
 from hdvplan.report.maps import ROOM_M, SLIDE, UNTURNED, Turn, draw_bodies, draw_features, finish_map, frame, outline_of, point
-from hdvplan.report.style import ON_WHITE, SLIDE_IN, styled, write_head
+from hdvplan.report.style import ON_WHITE, SLIDE_IN, legend_above, mark_broken, styled, write_head
 from hdvplan.road.legs import direction_of
 from hdvplan.road.regions import Kind
 from hdvplan.vehicle.kinematics import critical_angles
@@ -136,8 +136,7 @@ def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned
     places += [(near.x, near.y) for result in driven.results for near in result.entered]
     places += [(one.x, one.y) for one in driven.jackknives if one is not None]
     if places:
-        x, y = turned(np.array(places)).T
-        axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=8, markeredgecolor="white", label="breach", zorder=6)
+        mark_broken(axes, turned(np.array(places)), "breach")
 
 
 def draw_legs(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
@@ -174,7 +173,7 @@ def _draw_map(axes: Axes, driven: LegsResult) -> None:
     draw_legs(axes, driven)
     frame(axes, shapely.get_coordinates(driven.swept), ROOM_M)
     finish_map(axes, north=driven.legs.legs[0].road.to_lonlat is not None)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, ncols=4)
+    legend_above(axes)
 
 
 def _draw_panel(axes: Axes, driven: LegsResult, panel: Panel) -> None:
@@ -209,7 +208,7 @@ def _draw_room(axes: Axes, driven: LegsResult, at: int, way: FloatArray) -> None
         axes.plot(way[0] + way[1] * result.drive.poses_s, apart, color=INK, linewidth=1.3, label="obstacles" if at == 0 else None)
     axes.set_ylabel("room [m]")
     if at == 0:
-        _legend_above(axes)
+        legend_above(axes)
 
 
 def _draw_articulation(axes: Axes, driven: LegsResult, at: int, way: FloatArray) -> None:
@@ -218,21 +217,13 @@ def _draw_articulation(axes: Axes, driven: LegsResult, at: int, way: FloatArray)
     for coupling, (critical, angle) in enumerate(zip(np.degrees(critical_angles(drive.vehicle)), angles.T, strict=True)):
         label = f"coupling {coupling + 1}" if at == 0 else None
         axes.plot(way[0] + way[1] * drive.poses_s, angle, color=body_colour(coupling + 1), linewidth=1.3, label=label)
-        if at == 0 and critical < _SHOWN * max(float(np.max(np.abs(_all_angles(driven)[coupling]))), 1.0):
+        largest = np.degrees(max(float(np.max(np.abs(one.drive.poses_z[:, 2 + coupling]))) for one in driven.results))
+        if at == 0 and critical < _SHOWN * max(largest, 1.0):
             for sign in (1.0, -1.0):
                 axes.axhline(sign * critical, color=BREACH, linestyle=(0, (4, 2)), linewidth=1.0)
     axes.set_ylabel("articulation [deg]")
     if at == 0 and angles.shape[1] > 1:
-        _legend_above(axes)
-
-
-def _all_angles(driven: LegsResult) -> FloatArray:
-    angles = np.concatenate([one.drive.poses_z[:, 2 : one.drive.vehicle.rigid_states] for one in driven.results])
-    return np.asarray(np.degrees(angles.T))
-
-
-def _legend_above(axes: Axes) -> None:
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0, ncols=4)
+        legend_above(axes)
 
 
 def _draw_curvature(axes: Axes, driven: LegsResult, at: int, way: FloatArray) -> None:

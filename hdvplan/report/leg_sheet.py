@@ -26,7 +26,7 @@ _PAPER = 1.0  # width of lines, of those on a sheet
 _LETTER = "A"  # of the tightest place
 
 
-def legs_sheet_bytes(driven: LegsResult, options: SheetOptions, *, date: str | None = None) -> bytes:
+def legs_sheet_bytes(driven: LegsResult, options: SheetOptions) -> bytes:
     """Return the sheet of a drive along several lines as a PDF, as ``sheet_bytes`` does of a road.
 
     Raises:
@@ -38,9 +38,13 @@ def legs_sheet_bytes(driven: LegsResult, options: SheetOptions, *, date: str | N
     page = page_around(outline, sum(lengths), map_mm(options), options.scale)
     first = driven.results[0]
     each = ", ".join(f"{leg.direction} {length:.1f} m" for leg, length in zip(driven.legs.legs, lengths, strict=True))
-    rows = rows_of(driven.results, (driven.legs.name, first.drive.road.notice), page, options, date)
-    tightest = _tightest(driven, page) if driven.fits is not None else None
-    places = [] if tightest is None else [_enlarged(driven, page, tightest)]
+    rows = rows_of(driven.results, (driven.legs.name, first.drive.road.notice), page, options)
+    worst = driven.results[driven.worst]  # the leg that decides
+    rooms = places_of(worst, replace(page, s_to=worst.drive.road.path.length), 1) if driven.fits is not None else []
+    tightest, places = next((room for _, room in rooms), None), list[Callable[[Axes, Size], None]]()
+    if tightest is not None:
+        place = (f"{_LETTER}: {driven.called(driven.worst)}", tightest)
+        places.append(partial(draw_inset, result=worst, features=drawn_features(worst), page=page, place=place))
     inset, draw = inset_scale(page), partial(draw_legs, driven=driven, weight=_PAPER, turned=page.turned)
     scale = 2 * inset if 2 * inset < page.scale else inset  # more of the surroundings, where that is still larger than on the map
     places += [partial(_draw_stop, draw=draw, page=page, stop=stop, scale=scale) for stop in stops_of(driven)[1:]]
@@ -53,7 +57,7 @@ def legs_sheet_bytes(driven: LegsResult, options: SheetOptions, *, date: str | N
     return pdf_bytes([sheet], options, title, driven.text)
 
 
-def reversal_sheet_bytes(answer: Answer, options: SheetOptions, *, date: str | None = None) -> bytes:
+def reversal_sheet_bytes(answer: Answer, options: SheetOptions) -> bytes:
     """Return the sheet of a manoeuvre in its site as a PDF, as ``sheet_bytes`` does of a road.
 
     Raises:
@@ -65,7 +69,7 @@ def reversal_sheet_bytes(answer: Answer, options: SheetOptions, *, date: str | N
     curvature = max(float(np.abs(leg.kappa).max(initial=0.0)) for leg in legs)
     steering = steering_text(answer.vehicle, curvature, [*np.max([np.abs(leg.beta).max(axis=0) for leg in legs], axis=0)])
     rows = (
-        ("site", f"{answer.template}, {size}"), *drawn_rows(answer.vehicle, steering, page, options), date_row(date),
+        ("site", f"{answer.template}, {size}"), *drawn_rows(answer.vehicle, steering, page, options), date_row(),
         ("legs", ", ".join(f"{leg.direction} {leg.length:.1f} m" for leg in legs)),
         ("note", "all turns are to the left; mirror it where one drives on the left"),
     )  # fmt: skip
@@ -74,18 +78,6 @@ def reversal_sheet_bytes(answer: Answer, options: SheetOptions, *, date: str | N
     drawn = partial(_draw_map, draw=draw, page=page, north=False)
     sheet = Sheet(answer.vehicle, answer.fits, text, words.details(answer), rows, drawn, places)
     return pdf_bytes([sheet], options, f"{answer.vehicle.name}, {answer.template}, {size}", text)
-
-
-def _tightest(driven: LegsResult, page: Page) -> Room | None:
-    result = driven.results[driven.worst]
-    whole = replace(page, s_to=result.drive.road.path.length)
-    return next((room for _, room in places_of(result, whole, 1)), None)
-
-
-def _enlarged(driven: LegsResult, page: Page, room: Room) -> Callable[[Axes, Size], None]:
-    result = driven.results[driven.worst]
-    place = (f"{_LETTER}: {driven.called(driven.worst)}", room)
-    return partial(draw_inset, result=result, features=drawn_features(result), page=page, place=place)
 
 
 def _draw_map(axes: Axes, size_mm: Size, draw: Callable[[Axes], None], page: Page, *, north: bool, tightest: Room | None = None) -> None:

@@ -22,7 +22,7 @@ from hdvplan.judging.result import Result
 from hdvplan.report.colours import BAND, BREACH, INK, MUTED, body_colour
 from hdvplan.report.layers import Drawn, Layer, outline_places
 from hdvplan.report.rooms import Room, Window, shown_reach
-from hdvplan.report.style import BRIDGED, ON_WHITE, body_dark, body_fill, write_within
+from hdvplan.report.style import BRIDGED, ON_WHITE, body_dark, body_fill, mark_broken, write_within
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import outlines_of
 
@@ -109,7 +109,7 @@ def swept_label(name: str, unit: int) -> str:
 
 def draw_map(axes: Axes, result: Result, features: Iterable[Drawn], window: Window) -> None:
     """Draw a stretch of a plan with bodies that stand behind each other, without wheel tracks."""
-    points = np.column_stack(result.drive.road.path.to_plane(stations(window), 0.0))
+    points = centre_of(result, window)
     room = reach_within(result, window)
     draw_features(axes, (feature for feature in features if feature.layer is not Layer.TRACKS), around(points, room))
     places = outline_places(result, window.s_from, window.s_to)
@@ -119,16 +119,14 @@ def draw_map(axes: Axes, result: Result, features: Iterable[Drawn], window: Wind
 
 def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> None:
     """Draw the whole road as a line, with the enlarged stretches, the breaches and the start marked."""
-    path = result.drive.road.path
-    points = np.column_stack(path.to_plane(stations(Window(0.0, path.length)), 0.0))
+    points = centre_of(result, Window(0.0, result.drive.road.path.length))
     axes.plot(*points.T, color=MUTED, linewidth=1.6)
     for window in windows:
-        part = np.column_stack(path.to_plane(stations(window), 0.0))
+        part = centre_of(result, window)
         axes.plot(*part.T, color=body_colour(0), linewidth=5.0, solid_capstyle="round")
         draw_letter(axes, window.label, part[len(part) // 2], (11.0, 9.0), body_colour(0))
     if result.balance.breaches:
-        x, y = zip(*(breach.place for breach in result.balance.breaches), strict=True)
-        axes.plot(x, y, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=4)
+        mark_broken(axes, np.array([breach.place for breach in result.balance.breaches]), "limit broken")
     axes.plot(*points[0], marker="o", color=INK, markersize=6)
     axes.annotate("start", points[0], xytext=(7, -4), textcoords="offset points", fontsize="small")
     frame(axes, points, 0.06 * float(np.max(np.ptp(points, axis=0))))
@@ -190,10 +188,11 @@ def reach_within(result: Result, window: Window) -> float:
     return ROOM_M + max(float(np.max(left)), -float(np.min(right)))
 
 
-def stations(window: Window) -> FloatArray:
-    """Return arclengths along a stretch, dense enough to draw it [m]."""
+def centre_of(result: Result, window: Window) -> FloatArray:
+    """Return points along a stretch of the road's line, dense enough to draw it (n, 2) [m]."""
     length = window.s_to - window.s_from
-    return window.s_from + np.linspace(0.0, length, max(2, int(length / _SPACING_M) + 1))
+    s = window.s_from + np.linspace(0.0, length, max(2, int(length / _SPACING_M) + 1))
+    return np.column_stack(result.drive.road.path.to_plane(s, 0.0))
 
 
 def around(points: FloatArray, room: float) -> shapely.Polygon:

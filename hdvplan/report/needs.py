@@ -14,7 +14,7 @@ from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.fileio import Together, json_bytes
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import proof_text, tracking_line
-from hdvplan.need.answer import Bound, Need, Place
+from hdvplan.need.answer import Need, Place
 from hdvplan.need.land import Patch
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, on_road
 from hdvplan.need.widening import Widening, Widenings
@@ -53,7 +53,8 @@ def need_lines(need: Need) -> list[str]:
     else:
         lines.append(_held_line(need, vehicle))
     if need.bound is not None:
-        lines[-1] += f"; {_bound_text(need, need.bound)}"
+        words = proof_text(need.bound.proof, need.case)
+        lines[-1] += f"; proved: {words}" if need.room.result is None else f"; {need.bound.room:.2f} m is proved to be too little: {words}"
     return lines
 
 
@@ -62,11 +63,6 @@ def _instead(need: Need) -> str:
     road = need.case.road
     even = road.limits is None or (road.drawn is None and all(np.ptp(reach) == 0.0 for reach in road.limits.table(road.limits.s)))
     return "" if even or need.side is not None else ", were the street as wide as that throughout"
-
-
-def _bound_text(need: Need, bound: Bound) -> str:
-    words = proof_text(bound.proof, need.case)
-    return f"proved: {words}" if need.room.result is None else f"{bound.room:.2f} m is proved to be too little: {words}"
 
 
 def _held_line(need: Need, vehicle: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -36,6 +36,7 @@ STAMP_MM, _MOST_STAMPS, _LONGEST_STAMP = 8.5, 10, 60  # of a row of two stamps; 
 BAND_MM = 15.0  # below the road, for scale bar and north arrow
 
 Size = tuple[float, float]  # of axes on paper [mm]
+Laid = Callable[[float, float, int], "Page | None"]  # a stretch of road [m] on a sheet at a scale; None where it does not fit
 
 
 class Box(NamedTuple):
@@ -177,38 +178,24 @@ def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -
         OptionError: not even the vehicle has room at this scale.
 
     """
-    length, outline = result.drive.road.path.length, _Outline(result, field_mm)
+    path, s = result.drive.road.path, result.envelope.s
+    kept = np.append(np.arange(0, len(s), max(1, round(_SPACING_M / float(s[1] - s[0])))), len(s) - 1)
+    edges = [np.column_stack(path.to_plane(s[kept], side[kept])) for side in shown_reach(result)]
+
+    def laid(begin: float, end: float, scale: int) -> Page | None:
+        shown = (s[kept] >= begin - _SPACING_M) & (s[kept] <= end + _SPACING_M)
+        return _laid(np.concatenate([edge[shown] for edge in edges]), Page(begin, end, 0.0, (0.0, 0.0), scale), field_mm)
+
     for round_scale in (scale,) if scale is not None else [s for s in SCALES if s <= _SMALLEST_WHOLE]:
-        whole = outline.page(0.0, length, round_scale)
+        whole = laid(0.0, path.length, round_scale)
         if whole is not None:
             return (replace(whole, caption="whole road"),)
-    pages, of_all = _parts(outline, length, scale or _SMALLEST_WHOLE), ""
+    pages, of_all = _parts(laid, path.length, scale or _SMALLEST_WHOLE), ""
     if pages is None:
-        pages = [_largest(outline, window.s_from, window.s_to, scale) for window in tightest_windows(result)]
-        of_all = f" of {length:.0f} m; only the tightest stretches are drawn"
+        pages = [_largest(laid, window.s_from, window.s_to, scale) for window in tightest_windows(result)]
+        of_all = f" of {path.length:.0f} m; only the tightest stretches are drawn"
     captions = [f"sheet {n} of {len(pages)}: s = {page.s_from:z.0f} to {page.s_to:z.0f} m" for n, page in enumerate(pages, start=1)]
     return tuple(replace(page, caption=caption + of_all) for page, caption in zip(pages, captions, strict=True))
-
-
-class _Outline:
-    """What must lie on the paper: edges of the swept area, and limits that are not far."""
-
-    def __init__(self, result: Result, field_mm: tuple[float, float]) -> None:
-        s, path = result.envelope.s, result.drive.road.path
-        kept = np.append(np.arange(0, len(s), max(1, round(_SPACING_M / float(s[1] - s[0])))), len(s) - 1)
-        self.s = s[kept]
-        self.edges = [np.column_stack(path.to_plane(self.s, side[kept])) for side in shown_reach(result)]
-        self.field_mm = field_mm
-        self.vehicle = result.drive.vehicle
-
-    def page(self, begin: float, end: float, scale: int) -> Page | None:
-        """Return the stretch on a sheet, north up if it fits so, else turned; None where it fits neither way."""
-        shown = (self.s >= begin - _SPACING_M) & (self.s <= end + _SPACING_M)
-        return _laid(np.concatenate([edge[shown] for edge in self.edges]), Page(begin, end, 0.0, (0.0, 0.0), scale), self.field_mm)
-
-    def refusal(self, scale: int) -> OptionError:
-        """Return what is wrong with a scale at which the vehicle has no room."""
-        return _refusal(scale, f"the {self.vehicle.name}")
 
 
 def page_around(points: FloatArray, length: float, field_mm: tuple[float, float], scale: int | None) -> Page:
@@ -244,39 +231,39 @@ def _refusal(scale: int, what: str) -> OptionError:
     )
 
 
-def _parts(outline: _Outline, length: float, scale: int) -> list[Page] | None:
+def _parts(laid: Laid, length: float, scale: int) -> list[Page] | None:
     pages, begin = list[Page](), 0.0
     while len(pages) < _MOST_SHEETS:
-        last = outline.page(begin, length, scale)
+        last = laid(begin, length, scale)
         if last is not None:
             return [*pages, last]
         fits, fails = min(begin + 2.0 * _OVERLAP_M, length), length
-        page = outline.page(begin, fits, scale)
+        page = laid(begin, fits, scale)
         if page is None:
-            raise outline.refusal(scale)
+            raise _refusal(scale, "the vehicle")
         while fails - fits > _SPACING_M:
             middle = 0.5 * (fits + fails)
-            longer = outline.page(begin, middle, scale)
+            longer = laid(begin, middle, scale)
             page, fits, fails = (page, fits, middle) if longer is None else (longer, middle, fails)
         pages.append(page)
         begin = fits - _OVERLAP_M
     return None
 
 
-def _largest(outline: _Outline, begin: float, end: float, scale: int | None) -> Page:
+def _largest(laid: Laid, begin: float, end: float, scale: int | None) -> Page:
     """Return a tight stretch at the largest round scale that it fits at; at a given scale, as much of its middle as fits."""
     for round_scale in SCALES if scale is None else (scale,):
-        page = outline.page(begin, end, round_scale)
+        page = laid(begin, end, round_scale)
         if page is not None:
             return page
     smallest = scale or SCALES[-1]
     middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
     while half > _OVERLAP_M:
         half -= _SPACING_M
-        page = outline.page(middle - half, middle + half, smallest)
+        page = laid(middle - half, middle + half, smallest)
         if page is not None:
             return page
-    raise outline.refusal(smallest)
+    raise _refusal(smallest, "the vehicle")
 
 
 def _levelling(points: FloatArray) -> float:

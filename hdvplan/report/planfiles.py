@@ -26,6 +26,7 @@ _LISTS = {
 _REGION, _LIMIT = ("region", "rings"), ("layer", "lines")
 _SUMMARIES = {"summary.json": "plan", "need.json": "need", "turn.json": "turn"}  # and what their pictures are called
 _PICTURES = {"png": "png", "svg": "svg+xml"}  # that a page shows, as it calls them
+_FOLDERS = "give folders of `hdvplan plan`, `judge`, `need` or `turn`; those of several vehicles are in DIR/*/"
 SPACING_M = 0.5  # between two samples of the page
 _HIDDEN_BELOW = 1e-9
 _MISSING = -32768  # of a 16-bit number
@@ -95,13 +96,10 @@ def read_plan(directory: Path) -> PlanFiles:
     """
     try:
         settle(directory)
-    except OSError as error:
-        msg = f"the plan in {directory} cannot be read: {error}"
-        raise OptionError(msg) from error
-    if not (directory / "summary.json").is_file():
-        what = f"{directory} has no plan, need or turn: summary.json is missing" if directory.is_dir() else f"{directory} is not a folder"
-        raise OptionError(what, hint="give folders of `hdvplan plan`, `judge`, `need` or `turn`; those of several vehicles are in DIR/*/")
-    try:
+        if not (directory / "summary.json").is_file():
+            what = "has no plan, need or turn: summary.json is missing" if directory.is_dir() else "is not a folder"
+            msg = f"{directory} {what}"
+            raise OptionError(msg, hint=_FOLDERS)
         summary = read_json(directory / "summary.json")
         _check_summary(summary)
         regions, limits = (read_json(directory / f"{name}.json") for name in ("regions", "limits"))

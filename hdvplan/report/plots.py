@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.legend import Legend
 from matplotlib.ticker import MaxNLocator
 
 from hdvplan.arrays import BoolArray, FloatArray
@@ -18,7 +16,7 @@ from hdvplan.report.atlas import draw_atlas
 from hdvplan.report.colours import BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.rooms import FEW_BELOW_M, Window, breach_place, tightest_windows
-from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, fitted_legend, styled, write_head
+from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, legend_above, mark_broken, styled, write_head
 
 Panel = Callable[[Axes, Result, Window], None]
 _SHADE = "0.90"
@@ -87,7 +85,7 @@ def _draw_long_profiles(figure: SubFigure, result: Result, windows: tuple[Window
             axes.xaxis.set_major_locator(MaxNLocator(2, integer=True))
             axes.set_title(window.label if row == 0 else " ", fontsize="small", fontweight="bold", loc="right")
             if first is None and row > 0:  # the whole road's envelope has the first row's legend
-                _legend_above(axes, columns=5).set_in_layout(False)  # it is wider than one column
+                legend_above(axes, columns=5).set_in_layout(False)  # it is wider than one column
             first = first or axes
         if row == len(draw) - 1 and first is not None:
             first.set_xlabel("s [m]")  # which also keeps the numbers off the line below
@@ -109,7 +107,7 @@ def _finish_whole(axes: Axes, result: Result, windows: tuple[Window, ...], *, na
     length = result.drive.road.path.length
     within = all(0.0 <= breach.s_deepest <= length for breach in result.balance.breaches)
     axes.set_xlim(*((0.0, length) if within else judged_stretch(result, 0.0, length)))
-    _legend_above(axes, columns=4)
+    legend_above(axes, columns=4)
     for window in windows:
         axes.axvspan(window.s_from, window.s_to, color=_SHADE, linewidth=0.0, zorder=0)
         if named:
@@ -163,10 +161,8 @@ def _draw_limits(axes: Axes, result: Result, shown: BoolArray, window: Window) -
     here = [breach for breach in result.balance.breaches if begin <= breach.s_deepest <= end]
     if not here:
         return
-    at, offsets = zip(*(breach_place(result, breach) for breach in here), strict=True)
-    axes.plot(
-        at, offsets, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label="limit broken", zorder=5
-    )
+    places = [breach_place(result, breach) for breach in here]
+    mark_broken(axes, np.array(places), "limit broken")
     deepest = max(here, key=lambda breach: breach.depth)
     place = breach_place(result, deepest)
     outwards = 1.0 if place[1] > 0.0 else -1.0
@@ -220,8 +216,3 @@ def _draw_articulation(axes: Axes, result: Result, window: Window) -> None:
 
 def _plot_expected(axes: Axes, s: FloatArray, values: FloatArray, label: str | None = None) -> None:
     axes.plot(s, values, color=INK, linestyle=(0, (1, 1.2)), linewidth=1.3, label=label)
-
-
-def _legend_above(axes: Axes, *, columns: int) -> Legend:
-    look: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0, "handlelength": 1.6, "columnspacing": 1.2}
-    return fitted_legend(lambda count: axes.legend(loc="lower left", ncols=count, **look), columns)

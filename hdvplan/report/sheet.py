@@ -66,8 +66,8 @@ class Answer:
     rows: tuple[tuple[str, str], ...] = ()  # of the title block, besides
 
 
-def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None = None, date: str | None = None) -> bytes:
-    """Return the sheets as one PDF: vectors and embedded fonts; ``date`` is today in UTC where none is given.
+def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None = None) -> bytes:
+    """Return the sheets as one PDF: vectors and embedded fonts.
 
     Lengths on paper are true: at 1:200 a metre is 5 mm. Without an ``answer`` of its own it is that of the plan.
 
@@ -76,7 +76,8 @@ def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None 
 
     """
     pages, drive = pages_of(result, map_mm(options), options.scale), result.drive
-    told = answer or _planned(result)
+    verdict = verdict_of(result)
+    told = answer or Answer(verdict.holds, verdict_line(result, verdict), verdict_details(result, verdict), drawn_features(result))
     strays = tracking_line(result) if answer is None or told.fits else ""
     driver = (("driver", strays),) if strays else ()
     around, shown = drive.vehicle.reach_ahead + drive.vehicle.reach_behind, list[float]()  # a place is enlarged on one sheet
@@ -86,7 +87,7 @@ def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None 
         shown.extend(room.s for _, room in places)
         tubes = tubes_of(result, [(room.s - around, room.s + around) for _, room in places])
         about = (f"{drive.road.name}, {drive.road.path.length:.1f} m", drive.road.notice)
-        rows = rows_of([result], about, page, options, date)
+        rows = rows_of([result], about, page, options)
         return Sheet(
             drive.vehicle, told.fits, told.text, told.details, (*rows, *told.rows, ("wheel tracks", TRACK_NOTE), *driver),
             lambda axes, size: draw_field(axes, result, told.features, page, size, places, tubes=bool(tubes)),
@@ -101,11 +102,6 @@ def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None 
     return pdf_bytes((sheet(page) for page in pages), options, title, told.text)
 
 
-def _planned(result: Result) -> Answer:
-    verdict = verdict_of(result)
-    return Answer(verdict.holds, verdict_line(result, verdict), verdict_details(result, verdict), drawn_features(result))
-
-
 def pdf_bytes(sheets: Iterable[Sheet], options: SheetOptions, title: str, subject: str) -> bytes:
     """Return sheets as one PDF."""
     buffer = BytesIO()
@@ -116,16 +112,14 @@ def pdf_bytes(sheets: Iterable[Sheet], options: SheetOptions, title: str, subjec
     return buffer.getvalue()
 
 
-def rows_of(
-    results: Sequence[Result], about: tuple[str, str | None], page: Page, options: SheetOptions, date: str | None
-) -> tuple[tuple[str, str], ...]:
+def rows_of(results: Sequence[Result], about: tuple[str, str | None], page: Page, options: SheetOptions) -> tuple[tuple[str, str], ...]:
     """Return the title block's rows of a plan of one leg or several; ``about`` are what is said of the road, and its notice."""
     result, (road, notice) = results[0], about
     return (
         ("road", road),
         *drawn_rows(result.drive.vehicle, _steering([one.drive for one in results]), page, options),
         ("position", _position(result)),
-        date_row(date, f"planned with {result.objective}", "judged by simulation"),
+        date_row(f"planned with {result.objective}", "judged by simulation"),
         ("source", notice or "road file without attribution"),
     )
 
@@ -139,9 +133,9 @@ def drawn_rows(vehicle: Vehicle, steering: str, page: Page, options: SheetOption
     )
 
 
-def date_row(date: str | None, *how: str) -> tuple[str, str]:
-    """Return the row of a title block with the date, today in UTC where none is given, the program, and how it was made."""
-    return "date", ", ".join((date or datetime.now(UTC).date().isoformat(), f"hdvplan {__version__}", *how))
+def date_row(*how: str) -> tuple[str, str]:
+    """Return the row of a title block with the date in UTC, the program, and how it was made."""
+    return "date", ", ".join((datetime.now(UTC).date().isoformat(), f"hdvplan {__version__}", *how))
 
 
 def _steering(drives: Sequence[Drive]) -> str:
@@ -155,11 +149,7 @@ def steering_text(vehicle: Vehicle, curvature: float, angles: Sequence[float]) -
     """Return the largest angles of the front wheels, off the middle of the first axle, by curvature [1/m], and of each coupling [rad]."""
     steered, lock = np.degrees(np.arctan(vehicle.lead.wheelbase * np.array([curvature, vehicle.max_curvature])))
     wheels = f"at most {steered:.0f} of {lock:.0f} degrees"
-    return f"{wheels}; articulation {' and '.join(_degrees(angle) for angle in angles)}" if angles else wheels
-
-
-def _degrees(angle: float) -> str:
-    return f"{np.degrees(angle):.0f} degrees"
+    return f"{wheels}; articulation {' and '.join(f'{np.degrees(angle):.0f} degrees' for angle in angles)}" if angles else wheels
 
 
 def _figure(sheet: Sheet, options: SheetOptions) -> Figure:

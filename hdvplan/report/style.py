@@ -21,7 +21,7 @@ from matplotlib.text import Annotation, Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from hdvplan.arrays import FloatArray
-from hdvplan.report.colours import BODY_COLOURS, FAINT, INK, MUTED, body_colour
+from hdvplan.report.colours import BODY_COLOURS, BREACH, FAINT, INK, MUTED, body_colour
 
 DPI = 150  # of PNG
 SLIDE_IN = (16.0, 9.0)
@@ -107,6 +107,17 @@ def fitted_legend(make: Callable[[int], Legend], columns: int) -> Legend:
             break
         legend.remove()
     return legend
+
+
+def legend_above(axes: Axes, columns: int = 4) -> Legend:
+    """Return the legend above a diagram, of at most so many columns."""
+    look: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0, "handlelength": 1.6, "columnspacing": 1.2}
+    return fitted_legend(lambda count: axes.legend(loc="lower left", ncols=count, **look), columns)
+
+
+def mark_broken(axes: Axes, places: FloatArray, label: str) -> None:
+    """Mark places (n, 2) where something is broken."""
+    axes.plot(*places.T, linestyle="none", marker="X", color=BREACH, markersize=7, markeredgecolor="white", label=label, zorder=5)
 
 
 def write_within(axes: Axes, text: str, at: FloatArray, *, of: tuple[float, float] | None = None, **look: Any) -> None:  # noqa: ANN401 - Matplotlib's

@@ -78,7 +78,7 @@ def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) 
         "steps_halved": int(sum(plan.halvings for plan in drive.plans)),
         "merit_mean": float(np.mean(merits)) if merits else None,
         "merit_max": max(merits, default=None),
-        "time_ms": step_times_ms(result) if result.planned else dict.fromkeys(TIMES),
+        "time_ms": times_json(np.array([plan.times.total for plan in drive.plans])) if result.planned else dict.fromkeys(TIMES),
         "bodies": [_body(drive.vehicle, unit) for unit in range(len(drive.vehicle.units))],
         "wheels": [_wheel(drive.vehicle, wheel) for wheel in wheels_of(drive.vehicle)],
         "smoothing": smoothing_of(drive.road.smoothing),
@@ -137,13 +137,8 @@ def proof_json(proof: Proof, vehicle: Vehicle) -> Json:
     return {"kind": proof.kind, "s_from_m": proof.s_from, "s_to_m": proof.s_to, "unit": body_name(vehicle, proof.unit)}
 
 
-def step_times_ms(result: Result) -> dict[str, float]:
-    """Return the distribution of the time of one whole planning step [ms]; ``first`` is the cold start."""
-    return times_json(np.array([plan.times.total for plan in result.drive.plans]))
-
-
 def times_json(seconds: FloatArray) -> dict[str, float]:
-    """Return the distribution of times of planning steps [s] in milliseconds, as ``step_times_ms``."""
+    """Return the distribution of times of planning steps [s] in milliseconds; ``first`` is the cold start."""
     times = 1e3 * seconds
     return dict(zip(TIMES, map(float, (np.mean(times), *np.percentile(times, [50, 95, 99]), np.max(times), times[0])), strict=True))
 

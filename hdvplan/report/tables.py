@@ -11,7 +11,7 @@ from hdvplan.judging.fit import Fit, RoadFacts, Trouble, facts_of
 from hdvplan.planning.settings import Scheme
 from hdvplan.report.grid import grid
 from hdvplan.road.options import Corners
-from hdvplan.road.road import Road, Smoothing
+from hdvplan.road.road import Road
 from hdvplan.texts import some_of
 
 Json = dict[str, Any]
@@ -115,15 +115,11 @@ def _line_rows(road: Road) -> list[tuple[str, str, str, str]]:
         where = f"s = {listed} m, " if corners else ""
         rows.append(("corners read", f"{len(corners)}", "", f"{where}{rest}; --corners decides otherwise"))
     if road.smoothing is not None:
-        rows.append(("line moved by", f"{road.smoothing.max_deviation:.2f}", "m", _smoothing_remark(road.smoothing)))
+        moved, twice = road.smoothing, road.smoothing.duplicates
+        dropped = f", {twice} duplicate" + ("s" if twice > 1 else "") if twice else ""
+        what = f"smoothed {moved.points} points{dropped}; most at s = {moved.max_deviation_s:z.1f} m, rms {moved.rms_deviation:.2f} m"
+        rows.append(("line moved by", f"{moved.max_deviation:.2f}", "m", what))
     return rows
-
-
-def _smoothing_remark(smoothing: Smoothing) -> str:
-    dropped = f", {smoothing.duplicates} duplicate" + ("s" if smoothing.duplicates > 1 else "") if smoothing.duplicates else ""
-    return (
-        f"smoothed {smoothing.points} points{dropped}; most at s = {smoothing.max_deviation_s:z.1f} m, rms {smoothing.rms_deviation:.2f} m"
-    )
 
 
 def _limits_remark(summary: Json) -> str:

@@ -22,7 +22,6 @@ from hdvplan.turning.templates import Limit
 from hdvplan.turning.turn import Turn, manoeuvre_words, verdict
 
 Json = dict[str, object]
-_FORMER = "turn.geojson"  # which other versions wrote
 
 
 def turn_json(turn: Turn) -> Json:
@@ -118,7 +117,7 @@ def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> N
     }
     contents |= {f"turn.{kind}": partial(_drawn, turn, kind) for kind in kinds}
     contents["turn.json"] = lambda: json_bytes(turn_json(turn))
-    names = (*(f"turn.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS)), _FORMER)
+    names = (*(f"turn.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS)),)
     Together("turn.json", names, {"turn.json": "swept_width_m"}).write(directory, contents)
 
 

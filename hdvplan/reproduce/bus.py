@@ -16,10 +16,8 @@ from hdvplan.judging.result import Result
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
-from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import sides_of, swept
+from hdvplan.reproduce.study import Progress, Row, Study, sides_of, swept
 from hdvplan.road.limits import Limits
-from hdvplan.road.road import Road
 from hdvplan.road.scenarios import Scenario, uturn, uturn_profile
 from hdvplan.vehicle.load import load_vehicle
 
@@ -90,13 +88,16 @@ def overhang(on_progress: Progress) -> Study:
     bus, free = load_vehicle("bus"), PlannerSettings(overhang_cost=0.0)
     road = Scenario("bend", uturn_profile(_CURVATURE, _RAMP_M, angle=0.5 * np.pi))()
     half, wide = 0.5 * _LANE_M, 0.5 * _SWEEPABLE_M
+    s, ones = np.array([0.0, road.path.length]), np.ones(2)
     found: list[Result] = []
     rows: list[Row] = []
     columns: dict[str, FloatArray] = {}
     for number, (wheels, settings) in enumerate(((wide, free), (half, free), (half, PlannerSettings()))):
-        one = swept(Case(with_regions(road, wheels, wide), bus, "lead-axle", settings=settings))
+        limits = Limits(s, wheels * ones, -wheels * ones, wide * ones, -wide * ones)
+        one = swept(Case(replace(road, limits=limits), bus, "lead-axle", settings=settings))
         found.append(one)
-        beyond, furthest = outside(one, half), one.balance.half_width - half
+        beyond = np.maximum(one.envelope.reach_left - half, 0.0) + np.maximum(-one.envelope.reach_right - half, 0.0)  # both sides [m]
+        furthest = one.balance.half_width - half
         area = float(np.trapezoid(beyond, one.envelope.s))
         rows.append(Row(f"furthest outside, {WORDS[number]}", "m", published.OVERHANG_M[number], furthest, _ORDER, headline=True))
         rows.append(Row(f"area outside, {WORDS[number]}", "m^2", published.OVERHANG_AREA_M2[number], area, _ORDER, headline=True))
@@ -121,18 +122,6 @@ def overhang(on_progress: Progress) -> Study:
         pd.DataFrame(columns),
         partial(_overhang_figure, dict(zip(WORDS, found, strict=True)), half),
     )
-
-
-def with_regions(road: Road, wheels: float, overhangs: float) -> Road:
-    """Return the road with a band of half width ``wheels`` to drive on, and of ``overhangs`` for overhangs [m]."""
-    s, one = np.array([0.0, road.path.length]), np.ones(2)
-    return replace(road, limits=Limits(s, wheels * one, -wheels * one, overhangs * one, -overhangs * one))
-
-
-def outside(found: Result, half: float) -> FloatArray:
-    """Return how far anything reaches out of a lane of half width ``half``, both sides added up, shape (n,) [m]."""
-    beyond: FloatArray = np.maximum(found.envelope.reach_left - half, 0.0) + np.maximum(-found.envelope.reach_right - half, 0.0)
-    return beyond
 
 
 @styled()

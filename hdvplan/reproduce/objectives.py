@@ -20,8 +20,7 @@ from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Reach
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
-from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import REFERENCE_STEP_M, area_difference, sides_of, swept, whole_manoeuvre
+from hdvplan.reproduce.study import REFERENCE_STEP_M, Progress, Row, Study, area_difference, sides_of, swept, whole_manoeuvre
 from hdvplan.road.scenarios import Scenario, uturn_articulated, uturn_profile
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle

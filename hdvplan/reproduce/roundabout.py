@@ -18,8 +18,7 @@ from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.report.style import styled
 from hdvplan.reproduce import drawing, published
 from hdvplan.reproduce.published import Number
-from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import predicted, swept, whole_manoeuvre
+from hdvplan.reproduce.study import Progress, Row, Study, predicted, swept, whole_manoeuvre
 from hdvplan.road import scenarios
 from hdvplan.vehicle.load import load_vehicle
 

@@ -13,8 +13,7 @@ from hdvplan.case import Case
 from hdvplan.centring.stationary import stationary
 from hdvplan.report.style import styled
 from hdvplan.reproduce import published
-from hdvplan.reproduce.study import Progress, Row, Study
-from hdvplan.reproduce.swept import swept, unevenness
+from hdvplan.reproduce.study import Progress, Row, Study, swept, unevenness
 from hdvplan.road.scenarios import Scenario, sturn_profile
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 from hdvplan.answers import room_text
@@ -55,7 +54,7 @@ def standards(on_progress: Progress) -> Study:
         (),
         tuple(rows),
         data,
-        partial(_figure, {name: turns[name] for name in _DRAWN}),
+        partial(turns_figure, {name: turns[name] for name in _DRAWN}, {name: published.TURN_INSIDE[name].value for name in _DRAWN}),
     )
 
 
@@ -169,7 +168,3 @@ def _flat(found: Turn) -> dict[str, object]:
         for key, value in turn_json(found).items()
         if key not in {"limits", "text"}
     }
-
-
-def _figure(turns: dict[str, Turn]) -> Figure:
-    return turns_figure(turns, {name: published.TURN_INSIDE[name].value for name in turns})

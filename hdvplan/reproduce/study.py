@@ -1,22 +1,28 @@
-"""What every study returns and leaves: a table of published numbers beside ours, data, and a figure in the paper's layout."""
+"""What every study drives, returns and leaves: drives and what they sweep, published numbers beside ours, data, a figure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from io import BytesIO
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from hdvplan.api import drive_case
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.judging.result import Result, result_of
+from hdvplan.planning.objectives import Objective
+from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.report.grid import markdown_table
-from hdvplan.report.style import DPI
+from hdvplan.report.style import figure_bytes
 from hdvplan.reproduce.published import Number
+from hdvplan.road.road import Road
 
+REFERENCE_STEP_M = 0.5  # [GEO]'s
 Progress = Callable[[float], None]
 WORDS = ("study", "quantity", "unit", "status", "remark")  # the columns of tables that hold no numbers
 STATUSES = ("reproduced", "explained", "open")
@@ -125,11 +131,9 @@ def write_study(study: Study, directory: Path) -> None:
 
     """
     directory.mkdir(parents=True, exist_ok=True)
-    picture = BytesIO()
-    study.figure().savefig(picture, format="png", dpi=DPI)
     write_atomically(directory / f"{study.name}.md", markdown(study).encode())
     write_atomically(directory / f"{study.name}.csv", csv_bytes(study.table()))
-    write_atomically(directory / f"{study.name}.png", picture.getvalue())
+    write_atomically(directory / f"{study.name}.png", figure_bytes(study.figure(), "png"))
     write_atomically(directory / f"{study.name}-data.csv", csv_bytes(study.data))
 
 
@@ -145,3 +149,50 @@ def write_summary(studies: Sequence[Study], directory: Path) -> None:
     told = f"{counted(every)}. Below are {sum(table['status'] != '')} of them that say most; each study's own table has all."
     write_atomically(directory / "summary.md", f"# Published and reproduced\n\n{told}\n\n{text}\n".encode())
     write_atomically(directory / "summary.csv", csv_bytes(table))
+
+
+def swept(case: Case, objective: Objective | None = None) -> Result:
+    """Drive a case and judge what it sweeps; see ``drive_case`` and ``result_of`` for the errors.
+
+    ``objective`` is what ``case.objective`` calls it where that is no name that users know.
+    """
+    return result_of(drive_case(case, objective), solver=case.solver, objective=case.objective)
+
+
+def unevenness(found: Result) -> FloatArray:
+    """Return how much further a drive reaches to the left than to the right, over the envelope's arclengths, shape (n,) [m]."""
+    return found.envelope.reach_left + found.envelope.reach_right
+
+
+def area_difference(found: Result) -> float:
+    """Return the area swept to the left less that to the right, in the road-aligned frame [m^2]."""
+    return float(np.trapezoid(unevenness(found), found.envelope.s))
+
+
+def sides_of(found: Mapping[str, Result]) -> pd.DataFrame:
+    """Return over the s of the first drive the reaches of all, a column a side, left positive [m]."""
+    columns = {"s": next(iter(found.values())).envelope.s}
+    for name, one in found.items():
+        columns |= {f"{name}_left": one.envelope.reach_left, f"{name}_right": one.envelope.reach_right}
+    return pd.DataFrame(columns)
+
+
+def predicted(planned: Result) -> Result:
+    """Return what the first plan of a drive predicted that it would sweep: its own states in the place of the simulation.
+
+    The drive must have been planned in one horizon.
+    """
+    plan, driven = planned.drive.plans[0], planned.drive
+    believed = replace(driven, z=plan.z, poses_s=driven.stations.s[: len(plan.z)], poses_z=plan.z)
+    return result_of(believed, solver=planned.case.solver, objective=planned.case.objective)
+
+
+def whole_manoeuvre(road: Road, step: float) -> PlannerSettings:
+    """Return the settings that plan all of ``road`` in one horizon, to convergence.
+
+    The smoothness weight is that of the same continuous problem: sums of squares scale with 1 / step, sums of squared curvature
+    changes with step.
+    """
+    length = step * float(np.ceil(road.path.length / step - 1e-9))
+    smoothness = PlannerSettings().smoothness * (REFERENCE_STEP_M / step) ** 2
+    return PlannerSettings(scheme=Scheme.SQP, horizon=length, replan=length, step=step, smoothness=smoothness)

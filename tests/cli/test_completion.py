@@ -12,7 +12,7 @@ from hdvplan.planning.settings import Scheme
 from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import preset_names
 
-COMMAND = "import sys; sys.argv[0] = 'hdvplan'; from hdvplan.cli.app import main; main()"
+COMMAND = "import sys; sys.argv[0] = 'hdvplan'; from hdvplan.cli.entry import main; main()"
 
 
 def completed(*words: str) -> list[str]:

@@ -18,8 +18,8 @@ from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance, tracing_points
 from hdvplan.planning.terms.term import Part, Scene
-from hdvplan.reproduce.swept import predicted, unevenness, whole_manoeuvre
-from hdvplan.reproduce.swept import swept as swept_by
+from hdvplan.reproduce.study import predicted, unevenness, whole_manoeuvre
+from hdvplan.reproduce.study import swept as swept_by
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import Scenario, sturn_profile, turn_profile
 from hdvplan.vehicle.body import axles_behind

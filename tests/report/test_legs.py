@@ -148,7 +148,7 @@ def test_edges_are_drawn_as_surveyed_and_obstacles_are_named(straight: Result) -
 @pytest.mark.slow
 def test_the_sheet_has_all_legs_to_scale_the_tightest_place_and_the_cusps(kerbed: Result) -> None:
     driven = legs_of(kerbed, kerbed)
-    (page,) = PdfReader(BytesIO(legs_sheet_bytes(driven, SheetOptions("a2", 500), date="2026-11-25"))).pages
+    (page,) = PdfReader(BytesIO(legs_sheet_bytes(driven, SheetOptions("a2", 500)))).pages
     level = [line for line in strokes(page) if len(line) == 2 and line[0, 1] == line[1, 1]]
     bar = min(level, key=lambda line: abs(line[1, 0] - line[0, 0] - 100.0))  # 50 m
     assert bar[1, 0] - bar[0, 0] == pytest.approx(100.0, abs=1e-3)  # written to 1e-6 points

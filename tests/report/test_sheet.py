@@ -32,7 +32,7 @@ FIELD_MM = (290.0, 200.0)
 
 
 def read(result: Result, paper: str = "a3", scale: int | None = None) -> PdfReader:
-    return PdfReader(BytesIO(sheet_bytes(result, SheetOptions(paper, scale), date="2026-11-22")))
+    return PdfReader(BytesIO(sheet_bytes(result, SheetOptions(paper, scale))))
 
 
 @pytest.mark.slow
@@ -70,7 +70,6 @@ def test_the_title_says_what_a_file_needs(trailer: Result, kerbed: Result) -> No
         "roundabout",
         "tractor-trailer",
         "© the surveyors",
-        "2026-11-22",
         "hdvplan",
         "direction of travel",
         "wheel tracks",
@@ -173,7 +172,7 @@ def test_no_text_lies_on_another_or_beyond_its_frame(
     monkeypatch.setattr(sheet, "_figure", kept)
     written = tuple((f"number {at}", "an office of consulting engineers and surveyors" * (at % 2)) for at in range(stamps))
     for result in (bus, kerbed, trailer, long):
-        sheet_bytes(result, SheetOptions(paper, None, written), date="2026-11-22")
+        sheet_bytes(result, SheetOptions(paper, None, written))
     assert len(figures) >= 4
     for figure in figures:
         figure.canvas.draw()
@@ -202,7 +201,7 @@ def test_nothing_in_a_title_block_is_cut_whatever_the_paper(monkeypatch: pytest.
         return Figure()
 
     monkeypatch.setattr(sheet, "_figure", kept)
-    sheet_bytes(straight, SheetOptions("a4"), date="2026-11-22")
+    sheet_bytes(straight, SheetOptions("a4"))
     (drawn,) = sheets
     assert "; decided at s = " in dict(drawn.rows)["driver"]
     written = tuple((f"number {at}", "an office of consulting engineers and surveyors of the city") for at in range(stamps))
@@ -233,7 +232,7 @@ def test_the_angle_of_the_front_wheels_stands_beside_their_largest_angle() -> No
 def test_stamps_are_written_and_those_without_a_name_refused(bus: Result) -> None:
     options = SheetOptions.named("a3", None, ["project=Line 18 = new", "checked by="])
     assert options.stamps == (("project", "Line 18 = new"), ("checked by", ""))
-    text = PdfReader(BytesIO(sheet_bytes(bus, options, date="2026-11-22"))).pages[0].extract_text()
+    text = PdfReader(BytesIO(sheet_bytes(bus, options))).pages[0].extract_text()
     for words in ("project", "Line 18 = new", "checked by", " degrees"):
         assert words in text
     for stamp in ("project", "=Line 18"):
