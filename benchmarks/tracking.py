@@ -28,7 +28,7 @@ from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.grid import markdown_table
 from hdvplan.report.kerbs import tubes_of
 from hdvplan.report.layers import drawn_features
-from hdvplan.report.maps import around, draw_features, draw_tube, finish_map, frame, reach_within, stations
+from hdvplan.report.maps import around, centre_of, draw_features, draw_tube, finish_map, frame, reach_within
 from hdvplan.report.rooms import Window
 from hdvplan.report.style import ON_WHITE, figure_bytes, styled
 
@@ -75,7 +75,7 @@ def place_figure(result: Result) -> Figure:
     verdict, tracking = verdict_of(result), result.tracking
     assert tracking is not None  # noqa: S101 - for the type checker
     window = Window(min(verdict.s, tracking.s) - AROUND_M, max(verdict.s, tracking.s) + AROUND_M)
-    points, room = np.column_stack(result.drive.road.path.to_plane(stations(window), 0.0)), reach_within(result, window)
+    points, room = centre_of(result, window), reach_within(result, window)
     figure = Figure(figsize=SIZE_IN, layout="constrained")
     axes = figure.subplots()
     draw_features(axes, drawn_features(result), around(points, room))

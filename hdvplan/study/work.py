@@ -30,7 +30,7 @@ from hdvplan.planning.settings import LARGEST
 from hdvplan.plugins import digest_of as file_digest
 from hdvplan.plugins import error_text
 from hdvplan.process import temporary_folder
-from hdvplan.report.joined import digest_of, joined_summary, kept_of
+from hdvplan.report.joined import joined_summary, kept_of
 from hdvplan.report.needs import need_json
 from hdvplan.report.summary import summary_of
 from hdvplan.road.line import LONG_M
@@ -150,7 +150,7 @@ def _plan_pieces(cell: Cell, found: Found, row: Row, places: list[Row]) -> str:
     except _UNPLANNED as error:
         return _no_plan(error, taken_[0].road, taken_[0].begins, row, places)
     summary = joined_summary(kept)
-    row |= taken(summary, SUMMARY) | taken(summary, STEPS) | {"case": digest_of(kept)}
+    row |= taken(summary, SUMMARY) | taken(summary, STEPS) | {"case": content_digest([piece.key for piece in kept])}
     places += places_of(summary, taken_[0].road)
     return PLANNED
 

@@ -19,7 +19,7 @@ from hdvplan.judging.balance import balance_of
 from hdvplan.judging.result import Result, result_of
 from hdvplan.report.files import write_plan
 from hdvplan.report.html import report_html, short_labels, write_report
-from hdvplan.report.layers import limit_features
+from hdvplan.report.layers import conflict_features, kerb_features
 from hdvplan.report.planfiles import PlanFiles, packed, payload_of, read_plan, road_frame, tight_places
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import Kind, Region
@@ -187,7 +187,7 @@ def test_the_page_draws_the_kerbs_where_they_are_not_where_normals_of_the_line_m
     write_plan(result, tmp_path)
     plan = read_plan(tmp_path)
     moved = payload_of(replace(plan, path=plan.path.assign(x=plan.path["x"] + 100.0)))
-    drawn, wanted = moved["limits"], [*limit_features(result)]
+    drawn, wanted = moved["limits"], [*kerb_features(result), *conflict_features(result)]
     assert [limit["layer"] for limit in drawn] == [*["limits"] * (len(wanted) - len(result.balance.breaches)), "conflicts"]
     for limit, feature in zip(drawn, wanted, strict=True):
         shown = translate(shapely.LineString(limit["lines"][0]), 100.0)
