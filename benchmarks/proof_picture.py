@@ -25,7 +25,7 @@ from hdvplan.proof.answer import RIGID, ROUNDING_M, grid_of
 from hdvplan.proof.reach import Reached, outline_of, reachable
 from hdvplan.proof.space import beside, frame_of
 from hdvplan.record import write_record
-from hdvplan.report.colours import BODY_COLOURS, BREACH
+from hdvplan.report import BODY_COLOURS, BREACH
 from hdvplan.report.style import figure_bytes, styled, write_head
 
 _AROUND_M = 50.0  # of the stretch: no point of a rigid vehicle has its foot further away

@@ -24,7 +24,7 @@ from hdvplan.finer import clearest
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.tracking import Tracking
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.report.colours import BREACH, INK
+from hdvplan.report import BREACH, INK
 from hdvplan.report.grid import markdown_table
 from hdvplan.report.kerbs import tubes_of
 from hdvplan.report.layers import drawn_features

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import traceback
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from io import TextIOWrapper
 from pathlib import Path
@@ -217,24 +217,17 @@ def interruption_noted() -> Iterator[Callable[[], bool]]:
 def give_matplotlib_a_folder() -> None:
     """Name a temporary folder for Matplotlib's files where its usual ones cannot be written; one that the user has named stays."""
     os.environ.pop("MPLBACKEND", None)  # for windows: files need none, and one that is not installed here ends the import
-    if "MPLCONFIGDIR" in os.environ or sys.platform == "win32" or _usual_are_writable():
+    if "MPLCONFIGDIR" in os.environ or sys.platform == "win32":
         return
+    with suppress(RuntimeError):  # no HOME, and no entry in the list of users
+        home, usual = Path.home(), (("XDG_CONFIG_HOME", ".config"), ("XDG_CACHE_HOME", ".cache"))
+        if all(_is_writable(Path(os.environ.get(name) or home / below)) for name, below in usual):
+            return
     from hdvplan.process import temporary_folder
 
     folder = temporary_folder("matplotlib")
     if folder is not None:
         os.environ["MPLCONFIGDIR"] = str(folder)
-
-
-def _usual_are_writable() -> bool:
-    try:
-        home = Path.home()
-    except RuntimeError:  # no HOME, and no entry in the list of users
-        return False
-    return all(
-        _is_writable(Path(os.environ.get(name) or home / below))
-        for name, below in (("XDG_CONFIG_HOME", ".config"), ("XDG_CACHE_HOME", ".cache"))
-    )
 
 
 def _is_writable(folder: Path) -> bool:

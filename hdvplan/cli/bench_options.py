@@ -31,12 +31,7 @@ class Decision:
     time_limit: Annotated[float, Setting("A process that takes longer is ended, and named [s].", "S")] = TIME_LIMIT_S
 
     def settings(self) -> Settings:
-        """Return how two programs, or runs, are compared.
-
-        Raises:
-            OptionError: a value outside its range.
-
-        """
+        """Return how two programs, or runs, are compared; an ``OptionError`` where a value is outside its range."""
         from hdvplan.bench.comparing.against import Settings
         from hdvplan.bench.comparing.decision import Rule
 
@@ -87,12 +82,7 @@ class BenchOptions:
     ] = False
 
     def check(self, files: BenchFiles, given: Mapping[str, object], decision: Decision) -> None:
-        """Refuse options that contradict each other; ``given`` are those of the suite.
-
-        Raises:
-            OptionError: some do.
-
-        """
+        """Refuse, by an ``OptionError``, options that contradict each other; ``given`` are those of the suite."""
         if files.plot is not None:
             choice("the picture's ending", Path(files.plot).suffix.lower().removeprefix("."), PICTURES)
         compared = self.against is not None

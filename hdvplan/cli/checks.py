@@ -23,12 +23,7 @@ if TYPE_CHECKING:
 
 
 def vehicle_named(source: str, *, quiet: bool) -> Vehicle:
-    """Return a preset or the vehicle of a file, and say what is assumed where the file does not tell how far it turns.
-
-    Raises:
-        VehicleError: there is none, or its file is refused.
-
-    """
+    """Return a preset or the vehicle of a file, and say what is assumed where the file does not tell how far it turns."""
     from hdvplan.vehicle.load import read_vehicle
 
     vehicle, remark = read_vehicle(source)
@@ -43,13 +38,7 @@ def names_in(source: str) -> list[str]:
 
 
 def vehicles_named(source: str, *, quiet: bool) -> list[Vehicle]:
-    """Return the vehicles of the names in an option.
-
-    Raises:
-        VehicleError: as for ``vehicle_named``.
-        OptionError: two have one name.
-
-    """
+    """Return the vehicles of the names in an option; an ``OptionError`` where two have one name."""
     vehicles = [vehicle_named(name, quiet=quiet) for name in names_in(source)]
     names = [vehicle.name for vehicle in vehicles]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -87,12 +76,7 @@ def check_fits(vehicle: Vehicle, reaches: tuple[float, float] | None, road: Road
 
 
 def check_bias(bias: Bias, given: str) -> None:
-    """Refuse a bias that leads off any road: nothing could be seen there.
-
-    Raises:
-        OptionError: it is larger than any road is wide.
-
-    """
+    """Refuse, by an ``OptionError``, a bias that leads off any road: nothing could be seen there."""
     from hdvplan.road.regions import OPEN_M
 
     largest = float(abs(bias.offset).max())
@@ -102,12 +86,7 @@ def check_bias(bias: Bias, given: str) -> None:
 
 
 def refuse_on(line: Line, asked: Mapping[str, bool]) -> None:
-    """Refuse options, by their names, that a drive of several legs, or one of pieces along a long road, does not have.
-
-    Raises:
-        OptionError: one is asked for.
-
-    """
+    """Refuse, by an ``OptionError``, options that a drive of several legs, or one of pieces along a long road, does not have."""
     from hdvplan.road.line import LONG_M
 
     name = next((name for name, given in asked.items() if given), None)
@@ -133,12 +112,7 @@ def warn_far_regions(regions: tuple[Region, ...], paths: Sequence[ReferencePath]
 
 
 def meeting_of(options: PlanOptions) -> tuple[float, float] | None:
-    """Return where two vehicles meet [m]; None: wherever the other one drives, or nobody is met.
-
-    Raises:
-        OptionError: it is no stretch, or nobody is met.
-
-    """
+    """Return where two vehicles meet [m], None: wherever the other one drives, or nobody; an ``OptionError`` where it is no stretch."""
     if options.meeting is None:
         return None
     if options.beside is None:

@@ -127,13 +127,7 @@ def _summarise(markdown: str) -> None:
 
 
 def measured(given: Mapping[str, object], options: BenchOptions) -> Suite | CommandWork:
-    """Return what a comparison measures: a user's own command, or a suite.
-
-    Raises:
-        OptionError: no such suite, settings that contradict each other, or a command that is none.
-        SolverError: no such solver.
-
-    """
+    """Return what a comparison measures, a user's own command or a suite; an ``OptionError`` or ``SolverError`` where it is none."""
     from hdvplan.bench.comparing.against import SUITE
     from hdvplan.bench.comparing.work import CommandWork, command_words
     from hdvplan.bench.suite import read_suite, suite_of
@@ -153,12 +147,7 @@ def measured(given: Mapping[str, object], options: BenchOptions) -> Suite | Comm
 
 
 def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision, report: Report, *, strict: bool) -> ExitCode:
-    """Measure this program and another in turn into ``out``, show how they compare, and leave reports for other programs.
-
-    Raises:
-        OptionError: a road or vehicle that cannot be read, a program that is none, or ``out`` cannot be written.
-
-    """
+    """Measure this program and another in turn into ``out``, show how they compare, and leave reports for other programs."""
     from hdvplan.bench.comparing.against import SIDES, Listener, guard
     from hdvplan.bench.comparing.reports import write_reports
     from hdvplan.bench.comparing.work import CommandWork

@@ -97,12 +97,7 @@ def rows_json(table: DataFrame) -> list[dict[str, object]]:
 
 @contextmanager
 def writing(what: str, hint: str | None = "choose another folder with --out") -> Iterator[None]:
-    """Report ``what`` the block cannot write.
-
-    Raises:
-        OptionError: the block ended in an OSError.
-
-    """
+    """Report, by an ``OptionError``, ``what`` the block cannot write."""
     try:
         yield
     except OSError as error:

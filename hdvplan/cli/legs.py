@@ -28,12 +28,7 @@ _FINEST_M = 0.01  # smoothing that is advised
 
 
 def legs_in(line: Line, vehicle: Vehicle, reaches: tuple[float, float] | None, *, last_axle: bool, quiet: bool) -> Legs:
-    """Return the legs of a file between the limits that options gave, left and right of each as the vehicle heads [m]; says what was noted.
-
-    Raises:
-        RoadError: legs that do not meet, or one that cannot be smoothed.
-
-    """
+    """Return the legs of a file between the limits that options gave, left and right as the vehicle heads [m]; says what was noted."""
     from hdvplan.driving.lead_line import lead_line
     from hdvplan.road.load_legs import legs_of
 

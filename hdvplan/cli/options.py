@@ -60,12 +60,7 @@ class Room:
     right: Annotated[float | None, Setting("Limit at M to the right of the line, a positive number [m]; needs --left.", "M")] = None
 
     def reaches(self) -> tuple[float, float] | None:
-        """Return the limits left and right [m], or None where none are given.
-
-        Raises:
-            OptionError: options contradict each other, or one is missing.
-
-        """
+        """Return the limits left and right [m], or None where none are given; an ``OptionError`` where they contradict each other."""
         if self.half_width is not None:
             if self.left is not None or self.right is not None:
                 msg = "--half-width sets both limits; it cannot be combined with --left and --right"
@@ -101,12 +96,7 @@ class Output:
     quiet: Annotated[bool, Setting("No verdict, progress, notes or tables; errors remain.")] = False
 
     def drawn_on(self) -> SheetOptions | None:
-        """Return what the sheet is drawn on, or None without one.
-
-        Raises:
-            OptionError: no such paper or scale, or a scale without a sheet.
-
-        """
+        """Return what the sheet is drawn on, or None without one; an ``OptionError`` where there is no such paper or scale."""
         if self.sheet is None:
             if self.scale is not None or self.stamps:
                 msg = "--stamp needs a sheet" if self.scale is None else f"--scale {self.scale} needs a sheet"
@@ -117,23 +107,13 @@ class Output:
         return SheetOptions.named(self.sheet, self.scale, self.stamps)
 
     def kinds(self, drawings: Sequence[str] = DRAWINGS) -> list[str]:
-        """Return which of ``PICTURES`` and ``drawings`` are asked for; without ``plot`` no pictures.
-
-        Raises:
-            OptionError: one is none of them.
-
-        """
+        """Return which of ``PICTURES`` and ``drawings`` are asked for, without ``plot`` no pictures; else an ``OptionError``."""
         kinds = [choice("--format", kind.strip(), (*PICTURES, *drawings)) for kind in self.formats.split(",")]
         return [kind for kind in kinds if self.plot or kind in drawings]
 
 
 def check_folder(out: Path | None) -> None:
-    """Refuse a place of output that is a file.
-
-    Raises:
-        OptionError: it is.
-
-    """
+    """Refuse, by an ``OptionError``, a place of output that is a file."""
     if out is not None and out.exists() and not out.is_dir():
         msg = f"--out {out} is a file, not a folder"
         raise OptionError(msg, hint="choose another folder with --out")

@@ -128,12 +128,7 @@ class Turn:
     half_width: Annotated[float | None, Setting("Also write limits at M to either side [m].", "M")] = None
 
     def curvature(self) -> float | None:
-        """Return the largest curvature [1/m], if any is given.
-
-        Raises:
-            OptionError: it is given twice, or is none.
-
-        """
+        """Return the largest curvature [1/m], if any is given; an ``OptionError`` where it is given twice, or is none."""
         if self.radius is not None and self.max_curvature is not None:
             msg = "--radius and --max-curvature say the same thing; give one"
             raise OptionError(msg)
@@ -144,12 +139,7 @@ class Turn:
         return 1.0 / given if given is not None and name == "radius" else given
 
     def profile(self, shape: Shape) -> Profile:
-        """Return arclengths and curvatures of a scenario.
-
-        Raises:
-            OptionError: a number that no turn can have.
-
-        """
+        """Return arclengths and curvatures of a scenario; an ``OptionError`` where a number is none that a turn can have."""
         from hdvplan.road.scenarios import sturn_profile, turn_profile, uturn_profile
 
         curvature = self.curvature()

@@ -57,12 +57,7 @@ class OptionsOf:
         return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
     def made(self, values: dict[str, Any]) -> Any:  # noqa: ANN401 - the settings
-        """Return what the command receives, of the values that the user gave.
-
-        Raises:
-            OptionError: one is outside its range.
-
-        """
+        """Return what the command receives, of what the user gave; an ``OptionError`` where a value is outside its range."""
         fields = fields_of(self.kind)
         chosen = {name: _chosen(fields[name], value) for name, value in values.items() if value is not None}
         return chosen if self.given else self.kind(**chosen)

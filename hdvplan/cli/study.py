@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hdvplan.study import Engine, Results
 
 _RUNNING = "Running"  # a group of options
-_MOST_WORKERS = 1000
+_MOST_WORKERS = 1000  # more than machines have cores: each takes hundreds of megabytes
 _RETRIES = 1
 _PLACES = 8  # of the ranking that are printed
 _REASONS = 3  # why cells have no answer, and notes on roads, likewise
@@ -39,12 +39,7 @@ class Running:
     fail_on_no: Annotated[bool, Setting("Exit code 1 where a vehicle does not fit, too.")] = False
 
     def check(self) -> None:
-        """Refuse numbers that cannot be, and what a cluster decides by itself.
-
-        Raises:
-            OptionError: there is one; of workers also more than machines have cores, as each takes hundreds of megabytes.
-
-        """
+        """Refuse, by an ``OptionError``, numbers that cannot be, and what a cluster decides by itself."""
         for wrong, words, hint in (
             (self.workers is not None and self.workers < 1, f"--workers must be a positive number, not {self.workers}", None),
             ((self.workers or 0) > _MOST_WORKERS, f"--workers must be at most {_MOST_WORKERS}, not {self.workers}", None),

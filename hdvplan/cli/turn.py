@@ -52,12 +52,7 @@ class TurnOptions:
     standstill: Annotated[bool, Setting("Turn the front wheels before the vehicle moves.")] = False
 
     def wanted(self) -> Manoeuvre | TurnTemplate:
-        """Return the manoeuvre that the options describe.
-
-        Raises:
-            OptionError: they describe none, or two.
-
-        """
+        """Return the manoeuvre that the options describe; an ``OptionError`` where they describe none, or two."""
         from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre
         from hdvplan.turning.templates import load_template
 
@@ -76,12 +71,7 @@ class TurnOptions:
         return Manoeuvre(self.radius, angle, guide, self.ramp or 0.0, standstill=self.standstill)
 
     def refuse_more(self, hint: str | None = None) -> None:
-        """Refuse options that describe a turn beside a template.
-
-        Raises:
-            OptionError: there is one.
-
-        """
+        """Refuse, by an ``OptionError``, options that describe a turn beside a template."""
         for field in fields(self)[1:]:
             if getattr(self, field.name) not in {None, False}:
                 msg = f"--{field.name} contradicts --template, which says it already"

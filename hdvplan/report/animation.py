@@ -22,7 +22,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title
-from hdvplan.report.colours import answer_colour, body_colour
+from hdvplan.report import answer_colour, body_colour
 from hdvplan.report.layers import Layer, drawn_features
 from hdvplan.report.maps import HEAD, around, centre_of, draw_direction, draw_features, finish_map, frame, reach_within, swept_label
 from hdvplan.report.rooms import Window, half_length, joined, tightest_windows

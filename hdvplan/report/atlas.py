@@ -17,7 +17,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import KEPT_M, Breach
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result
-from hdvplan.report.colours import BREACH, INK, answer_colour
+from hdvplan.report import BREACH, INK, answer_colour
 from hdvplan.report.kerbs import judged_stretch, tubes_of
 from hdvplan.report.layers import Drawn, Layer, drawn_features
 from hdvplan.report.maps import (

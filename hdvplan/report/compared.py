@@ -14,7 +14,7 @@ from matplotlib.patches import PathPatch
 from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import amount_text, short_verdict, strays_text, verdict_of
-from hdvplan.report.colours import INK, MUTED, answer_colour, body_colour
+from hdvplan.report import INK, MUTED, answer_colour, body_colour
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.layers import Drawn, Layer, drawn_features
 from hdvplan.report.maps import around, centre_of, draw_direction, draw_features, draw_overview, finish_map, frame, outline_of, reach_within

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.transforms import Affine2D
 
-from hdvplan.report.colours import INK, body_colour
+from hdvplan.report import INK, body_colour
 from hdvplan.report.style import body_fill, styled
 from hdvplan.vehicle.model import Unit, Vehicle
 

@@ -14,7 +14,7 @@ from hdvplan.arrays import FloatArray, runs_of
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.result import Result, body_name
-from hdvplan.report.colours import BREACH, INK, MUTED, body_colour
+from hdvplan.report import BREACH, INK, MUTED, body_colour
 from hdvplan.report.kerbs import broken_kerb, shown_kerbs, simple_line
 from hdvplan.report.rooms import approach_of
 from hdvplan.road.path import ReferencePath

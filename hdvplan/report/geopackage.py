@@ -18,12 +18,7 @@ _NOWHERE = 'LOCAL_CS["metres of the road file",UNIT["metre",1],AXIS["x",EAST],AX
 
 
 def geopackage_bytes(features: Sequence[Drawn], system: System) -> bytes:
-    """Return a GeoPackage of ``features`` in ``system``; areas are MultiPolygons. Layers without features are left out.
-
-    Raises:
-        OSError: there is no room for temporary files.
-
-    """
+    """Return a GeoPackage of ``features`` in ``system``; areas are MultiPolygons. Layers without features are left out."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "plan.gpkg"
         for layer in Layer:

@@ -16,8 +16,8 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import LegsResult
+from hdvplan.report import BODY_COLOURS, BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.animation import LAST_MS, Pose, frames_of, gif_bytes, ground_of, paced
-from hdvplan.report.colours import BODY_COLOURS, BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.layers import kerb_features, region_features
 from hdvplan.report.maps import ROOM_M, SLIDE, UNTURNED, Turn, draw_bodies, draw_features, finish_map, frame, outline_of, point
 from hdvplan.report.style import ON_WHITE, SLIDE_IN, legend_above, mark_broken, styled, write_head

@@ -27,12 +27,7 @@ _LETTER = "A"  # of the tightest place
 
 
 def legs_sheet_bytes(driven: LegsResult, options: SheetOptions) -> bytes:
-    """Return the sheet of a drive along several lines as a PDF, as ``sheet_bytes`` does of a road.
-
-    Raises:
-        OptionError: the drive has no room at the scale asked for, or on the paper at any.
-
-    """
+    """Return the sheet of a drive along several lines as a PDF, as ``sheet_bytes`` does of a road, with its errors."""
     lengths = [leg.road.path.length for leg in driven.legs.legs]
     outline = shapely.get_coordinates(driven.swept)
     page = page_around(outline, sum(lengths), map_mm(options), options.scale)
@@ -58,12 +53,7 @@ def legs_sheet_bytes(driven: LegsResult, options: SheetOptions) -> bytes:
 
 
 def reversal_sheet_bytes(answer: Answer, options: SheetOptions) -> bytes:
-    """Return the sheet of a manoeuvre in its site as a PDF, as ``sheet_bytes`` does of a road.
-
-    Raises:
-        OptionError: the site has no room at the scale asked for, or on the paper at any.
-
-    """
+    """Return the sheet of a manoeuvre in its site as a PDF, as ``sheet_bytes`` does of a road, with its errors."""
     legs, size = answer.chosen.manoeuvre.legs, f"{answer.size:.2f} m of {answer.template.words}"
     page = page_around(shapely.get_coordinates(view_of(answer)), sum(leg.length for leg in legs), map_mm(options), options.scale)
     curvature = max(float(np.abs(leg.kappa).max(initial=0.0)) for leg in legs)

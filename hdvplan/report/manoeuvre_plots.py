@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
 from hdvplan.judging.result import body_name
-from hdvplan.report.colours import BREACH, INK, answer_colour, body_colour
+from hdvplan.report import BREACH, INK, answer_colour, body_colour
 from hdvplan.report.layers import Layer
 from hdvplan.report.leg_plots import Stop, Way, draw_lines, draw_stops, draw_swept, ends_of
 from hdvplan.report.manoeuvre_layers import leg_area, line_of, shown_poses, turn_features, view_of

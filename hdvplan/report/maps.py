@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result
-from hdvplan.report.colours import BAND, BREACH, INK, MUTED, body_colour
+from hdvplan.report import BAND, BREACH, INK, MUTED, body_colour
 from hdvplan.report.layers import Drawn, Layer, outline_places
 from hdvplan.report.rooms import Room, Window, shown_reach
 from hdvplan.report.style import BRIDGED, ON_WHITE, body_dark, body_fill, mark_broken, write_within

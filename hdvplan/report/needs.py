@@ -19,8 +19,7 @@ from hdvplan.need.land import Patch
 from hdvplan.need.search import TOLERANCE_M, WIDE_M, on_road
 from hdvplan.need.widening import Widening, Widenings
 from hdvplan.record import NAME, record_of
-from hdvplan.report import DRAWINGS, PICTURES
-from hdvplan.report.colours import BREACH
+from hdvplan.report import BREACH, DRAWINGS, PICTURES
 from hdvplan.report.files import SHEET, drawing_bytes, driven_notes
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
@@ -249,12 +248,7 @@ def write_need(need: Need, answer: Json, directory: Path, kinds: Sequence[str] =
     """Write ``answer``, that of ``need_json``, with widenings as polygons into ``directory``, made if need be.
 
     ``kinds`` are those of ``PICTURES`` and ``DRAWINGS`` that are drawn as well, and ``sheet`` adds a drawing to scale; where no plan was
-    found there is nothing to draw.
-
-    Raises:
-        OptionError: the folder holds files of others, or the sheet has no room for the vehicle at its scale.
-        OSError: the folder or a file cannot be written.
-
+    found there is nothing to draw. An ``OptionError``: the folder holds files of others, or the sheet has no room at its scale.
     """
     contents: dict[str, Callable[[], bytes]] = {NAME: lambda: json_bytes(record_of([need.case]))}
     for kind, name in _WIDENINGS.items():

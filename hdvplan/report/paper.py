@@ -85,12 +85,7 @@ class SheetOptions:
 
     @classmethod
     def named(cls, paper: str, scale: str | None, stamps: Sequence[str] = ()) -> SheetOptions:
-        """Return the options by the words of the command line: ``A3``, ``200`` or ``1:200``, and ``project=Line 18``.
-
-        Raises:
-            OptionError: as above, a scale that is no whole number, or a stamp without a name.
-
-        """
+        """Return the options by words: ``A3``, ``200`` or ``1:200``, and ``project=Line 18``; else an ``OptionError``."""
         parted = [stamp.partition("=") for stamp in stamps]
         wrong = next((stamp for stamp, (name, equals, _) in zip(stamps, parted, strict=True) if not (name.strip() and equals)), None)
         if wrong is not None:
@@ -152,12 +147,7 @@ def places_on(options: SheetOptions) -> int:
 
 
 def check_scale(options: SheetOptions | None, paths: Sequence[ReferencePath], vehicle: Vehicle, *, whole: bool) -> None:
-    """Refuse, before anything is planned, a scale at which a sheet has no room for a vehicle on the ``whole`` of lines, or on their begin.
-
-    Raises:
-        OptionError: it has none.
-
-    """
+    """Refuse, by an ``OptionError``, a scale at which a sheet has no room for a vehicle on the ``whole`` of lines, or on their begin."""
     if options is None or options.scale is None:
         return
     edges = []
@@ -199,12 +189,7 @@ def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -
 
 
 def page_around(points: FloatArray, length: float, field_mm: tuple[float, float], scale: int | None) -> Page:
-    """Return one sheet with all of ``points`` (n, 2) [m], at 1:``scale`` or the largest round scale that fits.
-
-    Raises:
-        OptionError: they have no room.
-
-    """
+    """Return one sheet with all of ``points`` (n, 2) [m], at 1:``scale`` or the largest round scale that fits; else an ``OptionError``."""
     scales = (scale,) if scale is not None else SCALES
     laid = (_laid(points, Page(0.0, length, 0.0, (0.0, 0.0), one, "whole drive"), field_mm) for one in scales)
     found = next((page for page in laid if page is not None), None)

@@ -60,12 +60,7 @@ class Pictured:
 
 
 def read_pictured(directory: Path) -> Pictured | None:
-    """Return the drive of several legs, the need or the turn in a folder; None where there is none.
-
-    Raises:
-        OptionError: a file of it cannot be read.
-
-    """
+    """Return the drive of several legs, the need or the turn in a folder; None where there is none; an ``OptionError`` of a damaged one."""
     try:
         settle(directory)
         for name, stem in _SUMMARIES.items():
@@ -88,12 +83,7 @@ def _picture(stem: Path) -> str:
 
 
 def read_plan(directory: Path) -> PlanFiles:
-    """Return the plan in a folder.
-
-    Raises:
-        OptionError: the folder holds no plan, or one whose files are incomplete or damaged.
-
-    """
+    """Return the plan in a folder; an ``OptionError``: it holds none, or one whose files are incomplete or damaged."""
     try:
         settle(directory)
         if not (directory / "summary.json").is_file():

@@ -12,8 +12,8 @@ from matplotlib.ticker import MaxNLocator
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import verdict_of, verdict_title
+from hdvplan.report import BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.atlas import draw_atlas
-from hdvplan.report.colours import BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.kerbs import judged_stretch
 from hdvplan.report.rooms import FEW_BELOW_M, Window, breach_place, tightest_windows
 from hdvplan.report.style import ON_WHITE, SLIDE_IN, body_fill, legend_above, mark_broken, styled, write_head

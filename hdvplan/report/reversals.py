@@ -149,14 +149,9 @@ def legs_road(answer: Answer) -> Json:
 
 
 def write_reversal(answer: Answer, directory: Path, name: str, *, kinds: Collection[str] = (), sheet: SheetOptions | None = None) -> None:
-    """Write ``<name>.json``, ``poses.csv``, ``legs.geojson`` and what is drawn into ``directory``.
+    """Write ``<name>.json``, ``poses.csv``, ``legs.geojson`` and what is drawn, of ``PICTURES`` and ``TURN_DRAWINGS``, into ``directory``.
 
-    ``kinds`` are those of ``PICTURES`` and ``TURN_DRAWINGS`` that are drawn, and ``sheet`` adds a drawing to scale.
-
-    Raises:
-        OptionError: the folder holds files of others, or the sheet has no room for the site at its scale.
-        OSError: the folder or a file cannot be written.
-
+    ``sheet`` adds a drawing to scale. An ``OptionError``: the folder holds files of others, or the sheet has no room at its scale.
     """
     contents: dict[str, Callable[[], bytes]] = {
         "poses.csv": lambda: csv_bytes(reversal_poses(answer)),

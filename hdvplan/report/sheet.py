@@ -22,7 +22,7 @@ from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line, verdict_of
-from hdvplan.report.colours import INK, MUTED, answer_colour
+from hdvplan.report import INK, MUTED, answer_colour
 from hdvplan.report.drawing import draw_vehicle_view
 from hdvplan.report.kerbs import tubes_of
 from hdvplan.report.layers import LONLAT_CODE, Drawn, drawn_features, map_system

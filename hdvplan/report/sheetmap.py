@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result, body_name
-from hdvplan.report.colours import BAND, BREACH, INK, MUTED
+from hdvplan.report import BAND, BREACH, INK, MUTED
 from hdvplan.report.layers import Drawn, outline_places
 from hdvplan.report.maps import draw_bodies, draw_direction, draw_features, draw_letter, draw_north, draw_room, draw_tube
 from hdvplan.report.paper import BAND_MM, MM_PT, Page

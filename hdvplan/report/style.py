@@ -21,7 +21,7 @@ from matplotlib.text import Annotation, Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from hdvplan.arrays import FloatArray
-from hdvplan.report.colours import BODY_COLOURS, BREACH, FAINT, INK, MUTED, body_colour
+from hdvplan.report import BODY_COLOURS, BREACH, FAINT, INK, MUTED, body_colour
 
 DPI = 150  # of PNG
 SLIDE_IN = (16.0, 9.0)

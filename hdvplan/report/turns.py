@@ -102,14 +102,9 @@ def _limit_json(limit: Limit, turn: Turn) -> Json:
 
 
 def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:
-    """Write ``turn.json``, ``poses.csv``, ``width.csv`` and what is drawn into ``directory``.
+    """Write ``turn.json``, ``poses.csv``, ``width.csv`` and what is drawn, of ``PICTURES`` and ``TURN_DRAWINGS``, into ``directory``.
 
-    ``kinds`` are those of ``PICTURES`` and ``TURN_DRAWINGS`` that are drawn.
-
-    Raises:
-        OptionError: the folder holds files of others.
-        OSError: the folder or a file cannot be written.
-
+    An ``OptionError``: the folder holds files of others.
     """
     contents: dict[str, Callable[[], bytes]] = {
         "poses.csv": lambda: csv_bytes(poses_table(turn.driven)),

@@ -124,12 +124,7 @@ def _number(value: float, *, signed: bool) -> str:
 
 
 def write_study(study: Study, directory: Path) -> None:
-    """Write ``<name>.md``, ``.csv``, ``.png`` and ``<name>-data.csv`` into ``directory``, made if need be.
-
-    Raises:
-        OSError: the folder or a file cannot be written.
-
-    """
+    """Write ``<name>.md``, ``.csv``, ``.png`` and ``<name>-data.csv`` into ``directory``, made if need be."""
     directory.mkdir(parents=True, exist_ok=True)
     write_atomically(directory / f"{study.name}.md", markdown(study).encode())
     write_atomically(directory / f"{study.name}.csv", csv_bytes(study.table()))
@@ -138,12 +133,7 @@ def write_study(study: Study, directory: Path) -> None:
 
 
 def write_summary(studies: Sequence[Study], directory: Path) -> None:
-    """Write the headline rows of several studies as ``summary.md`` and ``summary.csv``.
-
-    Raises:
-        OSError: a file cannot be written.
-
-    """
+    """Write the headline rows of several studies as ``summary.md`` and ``summary.csv``."""
     table, every = summary_of(studies), every_row(studies)
     text = markdown_table(shown(table), text=WORDS)
     told = f"{counted(every)}. Below are {sum(table['status'] != '')} of them that say most; each study's own table has all."

@@ -15,8 +15,8 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ig
 
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
+from hdvplan.report import BREACH, INK
 from hdvplan.report.atlas import draw_atlas
-from hdvplan.report.colours import BREACH, INK
 from hdvplan.report.compared import compared_figure
 from hdvplan.report.layers import Drawn, Layer
 from hdvplan.report.maps import draw_features

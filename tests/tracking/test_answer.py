@@ -18,7 +18,7 @@ from hdvplan.judging.tracking import tracking_of
 from hdvplan.judging.verdict import tracking_line, verdict_of, verdict_title
 from hdvplan.need.answer import need_of
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.report.colours import answer_colour
+from hdvplan.report import answer_colour
 from hdvplan.report.compared import answer_rows
 from hdvplan.report.kerbs import tubes_of
 from hdvplan.report.needs import need_json, need_lines

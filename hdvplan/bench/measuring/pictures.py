@@ -18,7 +18,7 @@ from hdvplan.bench.measuring.ranking import ranked_times, unit_of
 from hdvplan.bench.suite import COURSE, KEY
 from hdvplan.bench.tables import OVER_BUDGET
 from hdvplan.fileio import write_atomically
-from hdvplan.report.colours import FAINT, MUTED
+from hdvplan.report import FAINT, MUTED
 from hdvplan.report.style import figure_bytes, plain_decades, styled
 
 _SIZE_IN = (11.0, 8.5)
