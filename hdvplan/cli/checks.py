@@ -48,14 +48,14 @@ def vehicles_named(source: str, *, quiet: bool) -> list[Vehicle]:
     return vehicles
 
 
-def smoothed(found: Found, name: str, *, quiet: bool) -> Road:
-    """Return the road that was found under a name, and say what was noted, and which of its regions do not count."""
+def smoothed(found: Found, name: str, reaches: tuple[float, float] | None = None, *, quiet: bool) -> Road:
+    """Return the road that was found, between limits that options gave [m]; say what was noted, and which regions do not count."""
     with progress(f"smoothing {name}", quiet=quiet):
         road = found()
     for remark in road.notes:
         note(remark, quiet=quiet)
     warn_far_regions(road.regions, [road.path], quiet=quiet)
-    return road
+    return road if reaches is None else road.with_limits(*reaches)
 
 
 def check_fits(vehicle: Vehicle, reaches: tuple[float, float] | None, road: Road | None = None) -> None:

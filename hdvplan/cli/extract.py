@@ -62,7 +62,12 @@ def extract(
     directory = chosen.out or Path(file_name(f"{source.name.partition('.')[0]}.{route}"))
     with writing(f"to {directory}"), progress(f"stitching {source.name}", quiet=quiet) as on_progress:
         routes = extracted(source, directory, kind=route, refs=chosen.ref, widths=widths, on_progress=on_progress)
-    _warn_of(routes, directory / RECORD, quiet=quiet)
+    findings = [(one.label, finding) for one in routes for finding in one.findings]
+    for label, finding in findings[:_WARNINGS]:
+        place = "" if finding.place is None else f", at {finding.place[1]:.5f}, {finding.place[0]:.5f}"
+        warn(f"{label}: {finding.text}{place}", quiet=quiet)
+    if len(findings) > _WARNINGS:
+        warn(f"{len(findings) - _WARNINGS} more remarks on routes are in {directory / RECORD}", quiet=quiet)
     if json:
         print_json(record_of(routes, source.name, route, widths))
     elif not quiet:
@@ -70,15 +75,6 @@ def extract(
         roads = sum(len(one.roads) for one in routes)
         note(f"wrote {roads} roads, report.csv and {RECORD} to {directory}/")
     return ExitCode.OK
-
-
-def _warn_of(routes: tuple[Route, ...], record: Path, *, quiet: bool) -> None:
-    findings = [(one.label, finding) for one in routes for finding in one.findings]
-    for label, finding in findings[:_WARNINGS]:
-        place = "" if finding.place is None else f", at {finding.place[1]:.5f}, {finding.place[0]:.5f}"
-        warn(f"{label}: {finding.text}{place}", quiet=quiet)
-    if len(findings) > _WARNINGS:
-        warn(f"{len(findings) - _WARNINGS} more remarks on routes are in {record}", quiet=quiet)
 
 
 def _table(routes: tuple[Route, ...]) -> Table:

@@ -99,8 +99,7 @@ def judge(
         raise RoadError(msg) from error
     for text in given.notes:
         note(text, quiet=quiet)
-    track = smoothed(found, road, quiet=quiet)
-    track = track if reaches is None else track.with_limits(*reaches)
+    track = smoothed(found, road, reaches, quiet=quiet)
     check_fits(driven, reaches, track)
     with progress(f"following {path.name} along {track.name}", quiet=quiet):
         case = Case(track, driven, settings=settings)

@@ -110,8 +110,7 @@ def need(
     kinds = output.kinds()
     several = len(vehicles) > 1
     for driven, found in zip(vehicles, roads, strict=True):
-        track = smoothed(found, road, quiet=quiet)
-        track = track if given is None else track.with_limits(*given)
+        track = smoothed(found, road, given, quiet=quiet)
         check_fits(driven, None, track)
         check_scale(sheet, [track.path], driven, whole=False)
         case = Case(track, driven, settings=settings)
@@ -129,18 +128,14 @@ def need(
         with writing(f"to {directory}"):
             write_need(*answers[-1], directory / file_name(driven.name) if several else directory, kinds, sheet)
     if several:
-        _write_table([summary for _, summary in answers], directory)
+        import pandas as pd
+
+        from hdvplan.fileio import csv_bytes, write_atomically
+
+        numbers = [{name: value for name, value in one.items() if not isinstance(value, list | dict)} for _, one in answers]
+        with writing(f"to {directory}"):
+            write_atomically(directory / "needs.csv", csv_bytes(pd.DataFrame(numbers)))
     return _told(answers, directory, output)
-
-
-def _write_table(summaries: list[dict[str, Any]], directory: Path) -> None:
-    import pandas as pd
-
-    from hdvplan.fileio import csv_bytes, write_atomically
-
-    numbers = [{name: value for name, value in summary.items() if not isinstance(value, list | dict)} for summary in summaries]
-    with writing(f"to {directory}"):
-        write_atomically(directory / "needs.csv", csv_bytes(pd.DataFrame(numbers)))
 
 
 def _told(answers: list[tuple[Need, dict[str, Any]]], directory: Path, output: Output) -> ExitCode:

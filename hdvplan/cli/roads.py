@@ -81,8 +81,7 @@ def road_info(
     from hdvplan.road.regions import distances
     from hdvplan.vehicle.load import load_vehicle, preset_names
 
-    track = smoothed(found, road, quiet=False)
-    track = track if reaches is None else track.with_limits(*reaches)
+    track = smoothed(found, road, reaches, quiet=False)
     vehicles = [load_vehicle(preset) for preset in preset_names()]
     facts, fits = facts_of(track), [fit_of(track, vehicle) for vehicle in vehicles]
     if csv is not None:

@@ -89,10 +89,12 @@ def compared_figure(results: Sequence[Result]) -> Figure:
     features = [feature for feature in drawn_features(tightest) if feature.layer in _ROAD]
     for number, window in enumerate(windows):
         _draw_map(figure.add_subplot(grid[0, number]), results, tightest, features, window)
-    _draw_road(figure.add_subplot(grid[0, -1]), tightest, windows)
+    overview, road = figure.add_subplot(grid[0, -1]), tightest.drive.road
+    draw_overview(overview, tightest, windows)
+    draw_direction(overview, road.path, 0.0, road.path.length, count=4)
+    finish_map(overview, north=road.to_lonlat is not None)
     _draw_envelopes(figure.add_subplot(grid[1, :]), results, tightest)
     fits = None if verdict_of(tightest).fits is None else all(verdict_of(result).holds for result in results)
-    road = tightest.drive.road
     write_head(figure, f"{road.name}: {answer_of(results)}", answer_colour(fits=fits), size="large", notice=road.notice)
     return figure
 
@@ -117,13 +119,6 @@ def _draw_map(axes: Axes, results: Sequence[Result], tightest: Result, features:
     finish_map(axes, north=tightest.drive.road.to_lonlat is not None)
     title = textwrap.fill(f"{window.title}, {tightest.drive.vehicle.name}", _LETTERS, break_on_hyphens=False)
     axes.set_title(title, fontsize="medium", loc="left", fontweight="bold")
-
-
-def _draw_road(axes: Axes, tightest: Result, windows: Sequence[Window]) -> None:
-    road = tightest.drive.road
-    draw_overview(axes, tightest, tuple(windows))
-    draw_direction(axes, road.path, 0.0, road.path.length, count=4)
-    finish_map(axes, north=road.to_lonlat is not None)
 
 
 def _draw_envelopes(axes: Axes, results: Sequence[Result], tightest: Result) -> None:

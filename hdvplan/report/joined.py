@@ -205,18 +205,14 @@ def _verdict(every: Sequence[Json]) -> Json:
 def _breaches(breaches: list[Json]) -> list[Json]:
     found: list[Json] = []
     for breach in sorted(breaches, key=lambda one: one["s_from"]):
-        before = next((one for one in reversed(found) if _goes_on(one, breach)), None)
+        same = [one for one in found if all(one[key] == breach[key] for key in ("side", "region", "obstacle"))]
+        before = next((one for one in reversed(same) if abs(breach["s_from"] - one["s_to"]) <= ONE_M), None)
         if before is None:
             found.append(dict(breach))
         else:
             deeper = breach if breach["depth_m"] > before["depth_m"] else before
             before |= {**deeper, "s_from": before["s_from"], "s_to": max(before["s_to"], breach["s_to"])}
     return found
-
-
-def _goes_on(before: Json, after: Json) -> bool:
-    same = all(before[key] == after[key] for key in ("side", "region", "obstacle"))
-    return same and abs(after["s_from"] - before["s_to"]) <= ONE_M
 
 
 def _use(uses: list[Json]) -> Json:

@@ -168,7 +168,7 @@ def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -
         OptionError: not even the vehicle has room at this scale.
 
     """
-    path, s = result.drive.road.path, result.envelope.s
+    path, s, what = result.drive.road.path, result.envelope.s, f"the {result.drive.vehicle.name}"
     kept = np.append(np.arange(0, len(s), max(1, round(_SPACING_M / float(s[1] - s[0])))), len(s) - 1)
     edges = [np.column_stack(path.to_plane(s[kept], side[kept])) for side in shown_reach(result)]
 
@@ -180,9 +180,9 @@ def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -
         whole = laid(0.0, path.length, round_scale)
         if whole is not None:
             return (replace(whole, caption="whole road"),)
-    pages, of_all = _parts(laid, path.length, scale or _SMALLEST_WHOLE), ""
+    pages, of_all = _parts(laid, path.length, scale or _SMALLEST_WHOLE, what), ""
     if pages is None:
-        pages = [_largest(laid, window.s_from, window.s_to, scale) for window in tightest_windows(result)]
+        pages = [_largest(laid, window.s_from, window.s_to, scale, what) for window in tightest_windows(result)]
         of_all = f" of {path.length:.0f} m; only the tightest stretches are drawn"
     captions = [f"sheet {n} of {len(pages)}: s = {page.s_from:z.0f} to {page.s_to:z.0f} m" for n, page in enumerate(pages, start=1)]
     return tuple(replace(page, caption=caption + of_all) for page, caption in zip(pages, captions, strict=True))
@@ -216,7 +216,7 @@ def _refusal(scale: int, what: str) -> OptionError:
     )
 
 
-def _parts(laid: Laid, length: float, scale: int) -> list[Page] | None:
+def _parts(laid: Laid, length: float, scale: int, what: str) -> list[Page] | None:
     pages, begin = list[Page](), 0.0
     while len(pages) < _MOST_SHEETS:
         last = laid(begin, length, scale)
@@ -225,7 +225,7 @@ def _parts(laid: Laid, length: float, scale: int) -> list[Page] | None:
         fits, fails = min(begin + 2.0 * _OVERLAP_M, length), length
         page = laid(begin, fits, scale)
         if page is None:
-            raise _refusal(scale, "the vehicle")
+            raise _refusal(scale, what)
         while fails - fits > _SPACING_M:
             middle = 0.5 * (fits + fails)
             longer = laid(begin, middle, scale)
@@ -235,7 +235,7 @@ def _parts(laid: Laid, length: float, scale: int) -> list[Page] | None:
     return None
 
 
-def _largest(laid: Laid, begin: float, end: float, scale: int | None) -> Page:
+def _largest(laid: Laid, begin: float, end: float, scale: int | None, what: str) -> Page:
     """Return a tight stretch at the largest round scale that it fits at; at a given scale, as much of its middle as fits."""
     for round_scale in SCALES if scale is None else (scale,):
         page = laid(begin, end, round_scale)
@@ -248,7 +248,7 @@ def _largest(laid: Laid, begin: float, end: float, scale: int | None) -> Page:
         page = laid(middle - half, middle + half, smallest)
         if page is not None:
             return page
-    raise _refusal(smallest, "the vehicle")
+    raise _refusal(smallest, what)
 
 
 def _levelling(points: FloatArray) -> float:

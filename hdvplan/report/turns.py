@@ -18,7 +18,6 @@ from hdvplan.report.grid import grid
 from hdvplan.report.layers import System
 from hdvplan.report.manoeuvre_layers import turn_features
 from hdvplan.turning.follow import Followed
-from hdvplan.turning.templates import Limit
 from hdvplan.turning.turn import Turn, manoeuvre_words, verdict
 
 Json = dict[str, object]
@@ -50,7 +49,10 @@ def turn_json(turn: Turn) -> Json:
         "articulation_deg": [float(np.rad2deg(angle)) for angle in figures.articulation],
         "steering_deg": float(np.rad2deg(figures.steering)),
         "complies": turn.complies,
-        "limits": [_limit_json(limit, turn) for limit in turn.limits],
+        "limits": [
+            {"figure": one.name, "least_m" if one.least else "most_m": one.value, "spare_m": one.spare(figures), "kept": one.kept(figures)}
+            for one in turn.limits
+        ],
     }
 
 
@@ -93,12 +95,6 @@ def width_table(turn: Turn) -> pd.DataFrame:
     """Return the swept band along the turn: t, offsets of its edges from the arc and its tangents (inside positive), width [m]."""
     band = turn.figures.band
     return pd.DataFrame({"t": band.t, "inner": band.inner, "outer": band.outer, "width": band.width}).round(6)
-
-
-def _limit_json(limit: Limit, turn: Turn) -> Json:
-    spare = limit.spare(turn.figures)
-    bound = "least" if limit.least else "most"
-    return {"figure": limit.name, f"{bound}_m": limit.value, "spare_m": spare, "kept": limit.kept(turn.figures)}
 
 
 def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:

@@ -12,6 +12,7 @@ from matplotlib.text import Text
 
 import hdvplan
 from hdvplan.cli.console import ExitCode
+from hdvplan.cli.options import Output
 from hdvplan.cli.outcome import exit_code_of, tell
 from hdvplan.judging.result import Result
 from hdvplan.judging.tracking import tracking_of
@@ -97,7 +98,7 @@ def test_lines_and_the_exit_code_say_whether_the_driver_may_stray_as_far_as_aske
     assert line.startswith("holds while the driver keeps the front axle within")
     assert "decided at s = " in line
     assert exit_code_of(result, verdict_of(result)) == (ExitCode.BROKEN if more else ExitCode.OK)
-    tell(result, Path("bus"), as_json=False, quiet=False)
+    tell(result, Path("bus"), Output())
     first_line, second_line, *_ = capsys.readouterr().out.splitlines()
     strays = f"NO: holds for a driver who strays by {first.error:.3f} m, not for the "
     assert first_line.startswith(strays if more else "YES: 0.20 m to spare at s = ")
