@@ -153,13 +153,10 @@ def legs_figure(driven: LegsResult) -> Figure:
     places, profiles = figure.subfigures(1, 2, width_ratios=[1.35, 1.0], squeeze=False)[0]
     _draw_map(places.add_subplot(), driven)
     panels: list[Panel] = [_draw_room, *([_draw_articulation] if len(driven.results[0].drive.vehicle.units) > 1 else []), _draw_curvature]
-    first: Axes | None = None
-    for number, panel in enumerate(panels):
-        axes = profiles.add_subplot(len(panels), 1, number + 1, sharex=first)
+    rows = profiles.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, panel in zip(rows, panels, strict=True):
         _draw_panel(axes, driven, panel)
-        axes.label_outer()
-        first = first or axes
-    axes.set_xlabel("way driven [m]")
+    rows[-1].set_xlabel("way driven [m]")
     notice = driven.results[0].drive.road.notice
     write_head(figure, f"{driven.name}: {driven.text}", answer_colour(fits=driven.fits), size="large", notice=notice)
     return figure

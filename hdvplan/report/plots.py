@@ -54,15 +54,11 @@ def _panels(result: Result) -> list[Panel]:
 
 def _draw_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
     draw = _panels(result)
-    cells = figure.add_gridspec(len(draw), 1, height_ratios=[1.5] + [1.0] * (len(draw) - 1))
-    first: Axes | None = None
-    for number, draw_panel in enumerate(draw):
-        axes = figure.add_subplot(cells[number], sharex=first)
+    rows = figure.subplots(len(draw), 1, sharex=True, squeeze=False, height_ratios=[1.5] + [1.0] * (len(draw) - 1))[:, 0]
+    for axes, draw_panel in zip(rows, draw, strict=True):
         draw_panel(axes, result, _whole(result))
-        _finish_whole(axes, result, windows, named=first is None)
-        axes.label_outer()
-        first = first or axes
-    axes.set_xlabel("arclength s [m]")
+        _finish_whole(axes, result, windows, named=axes is rows[0])
+    rows[-1].set_xlabel("arclength s [m]")
 
 
 def _draw_long_profiles(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -> None:
@@ -74,21 +70,18 @@ def _draw_long_profiles(figure: SubFigure, result: Result, windows: tuple[Window
     _finish_whole(axes, result, windows, named=True)
     axes.set_xlabel("arclength s [m]", labelpad=1.0)
     cells = grid[1].subgridspec(len(draw), len(windows), height_ratios=[1.5] + [1.0] * (len(draw) - 1))
+    panels = cells.subplots(sharey="row", squeeze=False)
     for row, draw_panel in enumerate(draw):
-        first: Axes | None = None
-        for column, window in enumerate(windows):
-            axes = figure.add_subplot(cells[row, column], sharey=first)
+        for axes, window in zip(panels[row], windows, strict=True):
             draw_panel(axes, result, window)
             axes.grid(visible=True)
             axes.set_xlim(window.s_from, window.s_to)
             axes.label_outer()
             axes.xaxis.set_major_locator(MaxNLocator(2, integer=True))
             axes.set_title(window.label if row == 0 else " ", fontsize="small", fontweight="bold", loc="right")
-            if first is None and row > 0:  # the whole road's envelope has the first row's legend
-                legend_above(axes, columns=5).set_in_layout(False)  # it is wider than one column
-            first = first or axes
-        if row == len(draw) - 1 and first is not None:
-            first.set_xlabel("s [m]")  # which also keeps the numbers off the line below
+    for axes in panels[1:, 0]:  # the whole road's envelope has the first row's legend
+        legend_above(axes, columns=5).set_in_layout(False)  # it is wider than one column
+    panels[-1, 0].set_xlabel("s [m]")  # which also keeps the numbers off the line below
 
 
 def _whole(result: Result) -> Window:
