@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from enum import IntEnum
 from time import monotonic
 from typing import TYPE_CHECKING, TextIO
@@ -70,14 +70,11 @@ def print_tables(*tables: Table) -> None:
     console = Console(highlight=False, soft_wrap=False)
     if not console.is_terminal and "COLUMNS" not in os.environ:
         console.width = _UNCUT
-    if console.is_terminal:
+    with nullcontext() if console.is_terminal else console.capture() as captured:
         for table in tables:
             console.print(table)
-        return
-    with console.capture() as captured:
-        for table in tables:
-            console.print(table)
-    sys.stdout.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
+    if captured is not None:
+        sys.stdout.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
 
 
 def answers() -> TextIO:

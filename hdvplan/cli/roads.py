@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from enum import StrEnum
 from math import isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,16 +24,10 @@ if TYPE_CHECKING:
     from hdvplan.judging.fit import Fit
     from hdvplan.road.scenarios import Profile
 
+_SHAPES = ("uturn", "roundabout", "sturn")  # the parametric scenarios
+
 app = typer.Typer(help="List, examine, make and extract roads.", rich_markup_mode=None)
 app.command("extract", cls=Command)(extract.extract)
-
-
-class Shape(StrEnum):
-    """The parametric scenarios."""
-
-    UTURN = "uturn"
-    ROUNDABOUT = "roundabout"
-    STURN = "sturn"
 
 
 @app.command("list", cls=Command)
@@ -137,7 +130,7 @@ class Turn:
             raise OptionError(msg)
         return 1.0 / given if given is not None and name == "radius" else given
 
-    def profile(self, shape: Shape) -> Profile:
+    def profile(self, shape: str) -> Profile:
         """Return arclengths and curvatures of a scenario; an ``OptionError`` where a number is none that a turn can have."""
         from hdvplan.road.scenarios import sturn_profile, turn_profile, uturn_profile
 
@@ -146,14 +139,14 @@ class Turn:
             if value is not None and not (isfinite(value) and value > 0.0):
                 msg = f"--{name} must be a positive number, not {value:g}"
                 raise OptionError(msg)
-        if shape is Shape.STURN:
+        if shape == "sturn":
             k, rate = curvature or 0.06, self.sharpness or 0.01
             constant = 10.0 if self.angle is None else radians(self.angle) / abs(k) - abs(k) / rate
             return sturn_profile(k, rate, constant=constant, lead_in=self.lead_in, lead_out=self.lead_out)
-        published, ramp = (0.060, 20.9) if shape is Shape.UTURN else (1.0 / 17.88, 5.5)
+        published, ramp = (0.060, 20.9) if shape == "uturn" else (1.0 / 17.88, 5.5)
         k = curvature or published
         ramp = ramp if self.sharpness is None else abs(k) / self.sharpness
-        if shape is Shape.UTURN:
+        if shape == "uturn":
             return uturn_profile(k, ramp, angle=radians(self.angle or 180.0), lead_in=self.lead_in, lead_out=self.lead_out)
         constant = 135.0 if self.angle is None else radians(self.angle) / abs(k) - ramp
         return turn_profile(k, ramp, constant, self.lead_in, self.lead_out)
@@ -180,7 +173,7 @@ def make_road(
     if json and out == Path("-"):
         msg = "--json and --out - both write to stdout"
         raise OptionError(msg)
-    profile, half_width = turn.profile(Shape(choice("NAME", shape, list(Shape)))), turn.half_width
+    profile, half_width = turn.profile(choice("NAME", shape, _SHAPES)), turn.half_width
     if half_width is not None:
         Limits.constant(half_width, half_width, 1.0)  # refuses what cannot be a limit
     s, kappa = profile

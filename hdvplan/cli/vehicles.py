@@ -72,7 +72,16 @@ def show_vehicle(
     (vehicle, remark), text = read_vehicle(name), vehicle_text(name)
     if remark is not None:
         note(remark)
-    drawn = _draw(vehicle, file or Path(f"{file_name(vehicle.name)}.png")) if plot else None
+    drawn = None
+    if plot:
+        from hdvplan.fileio import write_atomically
+        from hdvplan.report.drawing import vehicle_figure
+        from hdvplan.report.style import figure_bytes
+
+        drawn = file or Path(f"{file_name(vehicle.name)}.png")
+        kind = choice("the drawing's ending", drawn.suffix.lower().removeprefix("."), PICTURES)
+        with writing(f"{drawn}", "choose another file: hdvplan vehicles show NAME --plot FILE"):
+            write_atomically(drawn, figure_bytes(vehicle_figure(vehicle), kind))
     if json:
         print_json(_described(vehicle) | ({} if drawn is None else {"file": str(drawn)}))
     elif drawn is not None:
@@ -80,17 +89,6 @@ def show_vehicle(
     else:
         sys.stdout.write(text)
     return ExitCode.OK
-
-
-def _draw(vehicle: Vehicle, file: Path) -> Path:
-    from hdvplan.fileio import write_atomically
-    from hdvplan.report.drawing import vehicle_figure
-    from hdvplan.report.style import figure_bytes
-
-    kind = choice("the drawing's ending", file.suffix.lower().removeprefix("."), PICTURES)
-    with writing(f"{file}", "choose another file: hdvplan vehicles show NAME --plot FILE"):
-        write_atomically(file, figure_bytes(vehicle_figure(vehicle), kind))
-    return file
 
 
 def _described(vehicle: Vehicle) -> dict[str, object]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from io import StringIO
 from typing import TYPE_CHECKING
 
@@ -31,27 +30,18 @@ _BODIES_ACI = (150, 30, 92, 213)  # blue, orange, green, magenta as in the pictu
 _NOTES = "NOTES"
 
 
-@dataclass(frozen=True)
-class _Look:
-    """How a layer is drawn: colour index, linetype and line width [mm / 100]."""
-
-    colour: int
-    linetype: str = "CONTINUOUS"
-    width: int = 25
-
-
-_LOOKS = {
-    Layer.ROAD: _Look(8, "CENTER"),
-    Layer.OBSTACLES: _Look(34, width=35),
-    Layer.SWEEPABLE: _Look(53, "DASHED"),
-    Layer.KERBS: _Look(7, width=50),
-    Layer.LIMITS: _Look(7, width=50),
-    Layer.TRACKS: _Look(9, "DASHED2", 18),
-    Layer.CLEARANCE: _Look(4, width=18),
-    Layer.CONFLICTS: _Look(1, width=70),
-    Layer.GUIDED_PATH: _Look(8, "CENTER"),
-    Layer.WIDENING: _Look(1, width=50),
-    Layer.WIDENING_LEAST_DEPTH: _Look(6, "DASHED", 35),
+_LOOKS: dict[Layer, tuple[int, str, int]] = {  # colour index, linetype and line width [mm / 100]
+    Layer.ROAD: (8, "CENTER", 25),
+    Layer.OBSTACLES: (34, "CONTINUOUS", 35),
+    Layer.SWEEPABLE: (53, "DASHED", 25),
+    Layer.KERBS: (7, "CONTINUOUS", 50),
+    Layer.LIMITS: (7, "CONTINUOUS", 50),
+    Layer.TRACKS: (9, "DASHED2", 18),
+    Layer.CLEARANCE: (4, "CONTINUOUS", 18),
+    Layer.CONFLICTS: (1, "CONTINUOUS", 70),
+    Layer.GUIDED_PATH: (8, "CENTER", 25),
+    Layer.WIDENING: (1, "CONTINUOUS", 50),
+    Layer.WIDENING_LEAST_DEPTH: (6, "DASHED", 35),
 }
 _HATCHED = (Layer.CONFLICTS, Layer.WIDENING)
 
@@ -113,11 +103,12 @@ def _layer(document: Drawing, feature: Drawn) -> str:
     if look is None:  # of one body
         body = int(feature.properties["body"] or 0)
         name = f"{name}_{body}_{re.sub('[^A-Z0-9]+', '_', str(feature.properties['unit']).upper())}"
-        look = _Look(_BODIES_ACI[(body - 1) % len(_BODIES_ACI)], width=35 if feature.layer is Layer.ENVELOPE else 25)
+        look = (_BODIES_ACI[(body - 1) % len(_BODIES_ACI)], "CONTINUOUS", 35 if feature.layer is Layer.ENVELOPE else 25)
     if "direction" in feature.properties:
         name = f"{name}_{str(feature.properties['direction']).upper()}"
     if name not in document.layers:
-        document.layers.add(name, color=look.colour, linetype=look.linetype, lineweight=look.width)
+        colour, linetype, width = look
+        document.layers.add(name, color=colour, linetype=linetype, lineweight=width)
     return name
 
 

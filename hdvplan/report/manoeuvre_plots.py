@@ -59,18 +59,6 @@ def draw_turn(axes: Axes, turn: Turn) -> None:
     for limit in turn.circles:
         words = f"{limit.words} {limit.value:.2f} m, {'at least' if limit.least else 'at most'}"
         draw_circle(axes, turn, limit.value, words, broken=not limit.kept(turn.figures))
-    _frame(axes)
-
-
-def draw_circle(axes: Axes, turn: Turn, radius: float, label: str, *, broken: bool = False) -> None:
-    """Draw a circle about the arc's centre [m], thick where it is a broken limit."""
-    around, centre = np.linspace(0.0, 2.0 * np.pi, 361), chart_of(turn.driven).centre
-    x, y = centre[0] + radius * np.cos(around), centre[1] + radius * np.sin(around)
-    colour, width = (BREACH, 2.4) if broken else (INK, 1.2)
-    axes.plot(x, y, color=colour, linewidth=width, linestyle=(0, (2, 1.5)), label=label, zorder=4)
-
-
-def _frame(axes: Axes) -> None:
     axes.set_aspect("equal")
     axes.autoscale_view()
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
@@ -79,6 +67,14 @@ def _frame(axes: Axes) -> None:
     scale_bar(axes)
     axes.set_axis_off()
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, borderaxespad=0.2)
+
+
+def draw_circle(axes: Axes, turn: Turn, radius: float, label: str, *, broken: bool = False) -> None:
+    """Draw a circle about the arc's centre [m], thick where it is a broken limit."""
+    around, centre = np.linspace(0.0, 2.0 * np.pi, 361), chart_of(turn.driven).centre
+    x, y = centre[0] + radius * np.cos(around), centre[1] + radius * np.sin(around)
+    colour, width = (BREACH, 2.4) if broken else (INK, 1.2)
+    axes.plot(x, y, color=colour, linewidth=width, linestyle=(0, (2, 1.5)), label=label, zorder=4)
 
 
 def _draw_width(axes: Axes, turn: Turn) -> None:

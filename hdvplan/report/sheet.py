@@ -18,7 +18,6 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import TRACK_NOTE
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import tracking_line, verdict_details, verdict_line, verdict_of
@@ -86,8 +85,7 @@ def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None 
         places = places_of(result, page, places_on(options), shown)
         shown.extend(room.s for _, room in places)
         tubes = tubes_of(result, [(room.s - around, room.s + around) for _, room in places])
-        about = (f"{drive.road.name}, {drive.road.path.length:.1f} m", drive.road.notice)
-        rows = rows_of([result], about, page, options)
+        rows = rows_of([result], f"{drive.road.name}, {drive.road.path.length:.1f} m", page, options)
         return Sheet(
             drive.vehicle, told.fits, told.text, told.details, (*rows, *told.rows, ("wheel tracks", TRACK_NOTE), *driver),
             lambda axes, size: draw_field(axes, result, told.features, page, size, places, tubes=bool(tubes)),
@@ -112,15 +110,17 @@ def pdf_bytes(sheets: Iterable[Sheet], options: SheetOptions, title: str, subjec
     return buffer.getvalue()
 
 
-def rows_of(results: Sequence[Result], about: tuple[str, str | None], page: Page, options: SheetOptions) -> tuple[tuple[str, str], ...]:
-    """Return the title block's rows of a plan of one leg or several; ``about`` are what is said of the road, and its notice."""
-    result, (road, notice) = results[0], about
+def rows_of(results: Sequence[Result], road: str, page: Page, options: SheetOptions) -> tuple[tuple[str, str], ...]:
+    """Return the title block's rows of a plan of one leg or several; ``road`` is what is said of the road."""
+    result, drives, vehicle = results[0], [one.drive for one in results], results[0].drive.vehicle
+    curvature = max(float(np.max(np.abs(drive.kappa), initial=0.0)) for drive in drives)
+    angles = [np.max([np.max(np.abs(drive.poses_z[:, at])) for drive in drives]) for at in range(2, vehicle.rigid_states)]
     return (
         ("road", road),
-        *drawn_rows(result.drive.vehicle, _steering([one.drive for one in results]), page, options),
+        *drawn_rows(vehicle, steering_text(vehicle, curvature, angles), page, options),
         ("position", _position(result)),
         date_row(f"planned with {result.objective}", "judged by simulation"),
-        ("source", notice or "road file without attribution"),
+        ("source", result.drive.road.notice or "road file without attribution"),
     )
 
 
@@ -136,13 +136,6 @@ def drawn_rows(vehicle: Vehicle, steering: str, page: Page, options: SheetOption
 def date_row(*how: str) -> tuple[str, str]:
     """Return the row of a title block with the date in UTC, the program, and how it was made."""
     return "date", ", ".join((datetime.now(UTC).date().isoformat(), f"hdvplan {__version__}", *how))
-
-
-def _steering(drives: Sequence[Drive]) -> str:
-    vehicle = drives[0].vehicle
-    curvature = max(float(np.max(np.abs(drive.kappa), initial=0.0)) for drive in drives)
-    angles = [np.max([np.max(np.abs(drive.poses_z[:, at])) for drive in drives]) for at in range(2, vehicle.rigid_states)]
-    return steering_text(vehicle, curvature, angles)
 
 
 def steering_text(vehicle: Vehicle, curvature: float, angles: Sequence[float]) -> str:
