@@ -39,7 +39,7 @@ class More:
     clearance: Annotated[str, Setting("Room to keep from every limit and obstacle [m]; max: as much as can be kept.", "M|max")] = "0.0"
     leg_line: Annotated[
         str | None,
-        Setting("Of a file of several legs: which axle's line backward ones are [default: lead-axle].", choices=(LEAD, LAST)),
+        Setting("Of several legs: which axle's line those are that are driven backwards [default: lead-axle].", choices=(LEAD, LAST)),
     ] = None
     centreline: Annotated[
         Path | None,
