@@ -15,10 +15,11 @@ import json
 import os
 import random
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -27,7 +28,7 @@ import pyarrow.parquet as pq
 
 from hdvplan.study.cells import PARALLEL
 from hdvplan.study.conduct import RANKING, RECORD
-from hdvplan.study.store import CELLS, PARTS, PLACES
+from hdvplan.study.store import CELLS, KEPT, PLACES
 
 ALL_KILLED, ALL_ENDED, ONE_KILLED = "SIGKILL to all", "SIGTERM to all", "SIGKILL to a worker"
 KINDS = (ONE_KILLED, ALL_KILLED, ALL_ENDED)
@@ -82,7 +83,9 @@ def alive(group: int) -> bool:
 
 def kept(out: Path) -> int:
     """Return how many cells are on disk."""
-    return sum(pq.read_metadata(part).num_rows for part in (out / PARTS / "cells").glob("*.parquet"))
+    with suppress(sqlite3.OperationalError), closing(sqlite3.connect(out / KEPT)) as file:  # there is none yet
+        return int(file.execute("SELECT count(*) FROM cells").fetchone()[0])
+    return 0
 
 
 def differences(whole: Path, other: Path) -> list[str]:

@@ -19,13 +19,14 @@ from hdvplan.study.cells import Cell, cells_of
 from hdvplan.study.engine import PLANNED, REFUSED, UNANSWERED, Engine
 from hdvplan.study.pools import LocalEngine
 from hdvplan.study.spec import Study, read_study, study_of
-from hdvplan.study.store import CELLS, PARTS, PLACES, DamagedPartError, Folder, Kept, Writer, kept_in, set_aside, write_whole
+from hdvplan.study.store import CELLS, KEPT, PLACES, Store, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
 
 RECORD, RANKING, STRAYING, PAGE, WORKBOOK, PLAIN = "study.json", "ranking.csv", "straying.csv", "map.html", "table.xlsx", "cells.csv"
-_OURS = (CELLS, PLACES, PARTS, RANKING, STRAYING, PAGE, WORKBOOK, PLAIN)
+_OURS = (CELLS, PLACES, KEPT, RANKING, STRAYING, PAGE, WORKBOOK, PLAIN)
+_FORMER = "parts"  # where cells were once kept
 
 Json = dict[str, Any]
 
@@ -91,7 +92,7 @@ def run(
 
     ``study`` is a TOML file, its entries, or a ``Study``; without an ``engine`` it runs in processes on this machine. ``on_progress``
     receives the number of cells that have ended, and of all. Whatever interrupts the run: the cells that ended are kept. Damaged files
-    of kept cells are moved to ``parts/damaged`` and their cells planned again; ``on_damage`` receives a line about each.
+    of kept cells are moved aside and their cells planned again; ``on_damage`` receives a line about each.
 
     Raises:
         HdvplanError: a definition that makes no study (see ``read_study``), or a folder with files of others.
@@ -99,62 +100,32 @@ def run(
 
     """
     defined = study if isinstance(study, Study) else study_of(study) if isinstance(study, Mapping) else read_study(Path(study))
+    folder = Path(out)
+    _refuse_others(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     chosen = LocalEngine() if engine is None else engine
-    folder = Folder(Path(out), defined.varied)
-    _refuse_others(folder.path)
-    tell = on_damage or (lambda _: None)
-    kept = _undamaged(folder, tell)
-    folder.path.mkdir(parents=True, exist_ok=True)
-    record = _begun(defined, folder.path, chosen)
-    while True:
-        _plan(defined, folder, kept, chosen, on_progress)
-        del kept
-        try:
-            write_whole(folder, (cell.key for cell in cells_of(defined)))
-            break
-        except DamagedPartError as damage:  # in columns that nothing has read before
-            _heal(folder, damage, tell)
-            kept = _undamaged(folder, tell)
-    return _finished(folder, record)
+    record = _begun(defined, folder, chosen)
+    with closing(Store(folder, on_damage or (lambda _: None))) as store:
+        _plan(defined, store, chosen, on_progress or (lambda _done, _all: None))
+        write_whole(folder, defined.varied, store, cells_of(defined))
+    return _finished(folder, defined.varied, record)
 
 
-def _undamaged(folder: Folder, tell: Callable[[str], None]) -> Kept:
-    """Return what a folder holds, but for damaged parts, which are set aside."""
-    while True:
-        try:
-            return kept_in(folder)
-        except DamagedPartError as damage:
-            _heal(folder, damage, tell)
-
-
-def _heal(folder: Folder, damage: DamagedPartError, tell: Callable[[str], None]) -> None:
-    """Set a damaged part aside and say so."""
-    tell(f"{damage}; moved to {set_aside(folder, damage.part)}, and what it held is planned again")
-
-
-def _plan(study: Study, folder: Folder, kept: Kept, engine: Engine, on_progress: Callable[[int, int], None] | None) -> None:
+def _plan(study: Study, store: Store, engine: Engine, on_progress: Callable[[int, int], None]) -> None:
     """Plan the cells without an answer, and keep them."""
     total = len(study)
-    done = total - sum(1 for _ in _left(study, kept)) if len(kept.keys) else 0
-    if on_progress is not None:
-        on_progress(done, total)
-    with (
-        closing(engine.run(_left(study, kept))) as ending,
-        Writer(folder) as writer,
-    ):  # written before processes are ended, which may take long
+    done = total - sum(1 for _ in _left(study, store))
+    on_progress(done, total)
+    with closing(engine.run(_left(study, store))) as ending:
         for ended in ending:
-            writer.add(ended)
+            store.add(ended)
             done += 1
-            if on_progress is not None:
-                on_progress(done, total)
+            on_progress(done, total)
 
 
-def _left(study: Study, kept: Kept) -> Iterator[Cell]:
+def _left(study: Study, store: Store) -> Iterator[Cell]:
     """Yield the cells that are not answered yet."""
-    for cell in cells_of(study):
-        (at,) = kept.find([cell.key])
-        if at < 0 or not kept.answered[at]:
-            yield cell
+    return (cell for cell in cells_of(study) if not store.has_answer(cell.key))
 
 
 def _refuse_others(folder: Path) -> None:
@@ -171,6 +142,9 @@ def _refuse_others(folder: Path) -> None:
         msg = f"{folder / RECORD} is damaged, or not of a study" if damaged else f"{folder} holds {there}, which is not of a study"
         back = f"put back {RECORD} from a copy, or " if damaged else ""
         raise OptionError(msg, hint=f"{back}choose another folder with --out, or move it")
+    if there is not None and (folder / _FORMER).is_dir():
+        msg = f"{folder / _FORMER} holds cells of an older hdvplan, which this one cannot read"
+        raise OptionError(msg, hint="delete it to plan them again, or choose another folder with --out")
 
 
 def _sessions(folder: Path) -> list[Json]:
@@ -204,27 +178,27 @@ def _begun(study: Study, folder: Path, engine: Engine) -> Json:
     return record
 
 
-def _finished(folder: Folder, record: Json) -> Results:
+def _finished(folder: Path, varied: tuple[str, ...], record: Json) -> Results:
     """Write what is made of the whole table; return the results."""
     from hdvplan.study.map_page import write_page  # noqa: PLC0415 - they load pandas, which needs memory that cells have use for
     from hdvplan.study.ranking import ranking_of, straying_of  # noqa: PLC0415 - as above
     from hdvplan.study.workbook import write_plain, write_workbook  # noqa: PLC0415 - as above
 
-    cells = folder.path / CELLS
+    cells = folder / CELLS
     outcomes, fits = Counter[str](), Counter[str]()
     for (outcome, word), count in Counter(_rows(cells, "outcome", "word")).items():
         outcomes[outcome] += count
         if outcome == PLANNED:
             fits[str(word)] += count
-    results = Results(folder.path, outcomes, fits)
-    ranking = ranking_of(cells, folder.path / PLACES, folder.varied)
-    write_atomically(folder.path / RANKING, csv_bytes(ranking))
-    write_atomically(folder.path / STRAYING, csv_bytes(straying_of(cells, folder.varied)))
-    write_workbook(folder.path / WORKBOOK, cells, folder.varied)
-    write_plain(folder.path / PLAIN, cells)
-    write_page(folder.path / PAGE, cells, ranking, record["sessions"][0]["started"])
+    results = Results(folder, outcomes, fits)
+    ranking = ranking_of(cells, folder / PLACES, varied)
+    write_atomically(folder / RANKING, csv_bytes(ranking))
+    write_atomically(folder / STRAYING, csv_bytes(straying_of(cells, varied)))
+    write_workbook(folder / WORKBOOK, cells, varied)
+    write_plain(folder / PLAIN, cells)
+    write_page(folder / PAGE, cells, ranking, record["sessions"][0]["started"])
     ended = {"outcomes": dict(results.outcomes), "fits": dict(results.fits), "finished": now()}
-    write_atomically(folder.path / RECORD, json_bytes(record | ended))
+    write_atomically(folder / RECORD, json_bytes(record | ended))
     return results
 
 

@@ -13,11 +13,13 @@ import os
 import random
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+import zlib
+from collections.abc import Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -28,6 +30,7 @@ import pyarrow.parquet as pq
 
 import hdvplan
 from hdvplan.fileio import settle
+from hdvplan.study.store import KEPT
 
 _PACKAGE = Path(hdvplan.__file__).parent
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
@@ -137,9 +140,9 @@ def _killed(job: Job, way: int, by: signal.Signals, after: float, folder: Path, 
     torn = [name for name in _names(out) if is_torn(out / name if out.is_dir() else out)]
     if torn:
         return f"torn: {torn}"
-    kept = _cells(sorted(out.glob("parts/cells/[!.]*.parquet")))
+    kept = _kept(out / KEPT)
     _whole(job.ways[way], folder)
-    again = [key for key, seconds in _cells(out.glob("cells.parquet")).items() if kept.get(key, seconds) != seconds]
+    again = [key for key, seconds in _cells(out / "cells.parquet").items() if kept.get(key, seconds) != seconds]
     if again:
         return f"planned again, though they were kept: {again}"
     left = digests(out)
@@ -213,16 +216,29 @@ def digests(out: Path) -> dict[str, str]:
 
 
 def _content(path: Path) -> bytes:
-    if path.suffix != ".parquet" or "parts" in path.parts:
+    if path.suffix != ".parquet":
         return path.read_bytes()
     table = pq.ParquetFile(path).read()
     return repr(table.select([name for name in table.column_names if not name.startswith("parallel_")]).to_pylist()).encode()
 
 
-def _cells(files: Iterable[Path]) -> dict[str, float]:
-    """Return how long the cells in tables of a study took, by their keys: times tell whether they were planned anew."""
-    tables = [pq.ParquetFile(file).read(["key", "parallel_wall_s"]).to_pydict() for file in files]
-    return {key: seconds for table in tables for key, seconds in zip(table["key"], table["parallel_wall_s"], strict=True)}
+def _cells(path: Path) -> dict[str, float]:
+    """Return how long the cells in the table of a study took, by their keys: times tell whether they were planned anew."""
+    if not path.exists():
+        return {}
+    table = pq.ParquetFile(path).read(["key", "parallel_wall_s"]).to_pydict()
+    return dict(zip(table["key"], table["parallel_wall_s"], strict=True))
+
+
+def _kept(path: Path) -> dict[str, float]:
+    """Return the same of the cells that a study keeps."""
+    if not path.exists():
+        return {}
+    with closing(sqlite3.connect(path)) as file:
+        if not file.execute("SELECT 1 FROM sqlite_master").fetchone():
+            return {}
+        kept = file.execute("SELECT key, content FROM cells")
+        return {key: json.loads(zlib.decompress(content))[0]["parallel_wall_s"] for key, content in kept}
 
 
 def _remove(out: Path) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import sqlite3
 from collections.abc import Callable, Iterable
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from hdvplan.machine import THREADS
 from hdvplan.study.cells import Cell
 from hdvplan.study.engine import UNANSWERED, Done, Ending, Outcome
 from hdvplan.study.pools import outcome_of
+from hdvplan.study.store import KEPT
 from tests.cli.conftest import Cli, cli
 
 __all__ = ["Cli", "cli"]
@@ -53,6 +56,17 @@ class InHere:
         for cell in self.order(list(cells)):
             self.worked.append(cell.key)
             yield Done(cell, self.instead(cell), 1)
+
+
+def kept_in(out: Path) -> int:
+    """Return how many cells are on disk."""
+    if not (out / KEPT).exists():
+        return 0
+    with closing(sqlite3.connect(out / KEPT, timeout=60.0)) as file:
+        try:
+            return int(file.execute("SELECT count(*) FROM cells").fetchone()[0])
+        except sqlite3.OperationalError:  # there is no table yet
+            return 0
 
 
 @pytest.fixture(autouse=True)

@@ -17,8 +17,9 @@ import pytest
 from hdvplan.answers import NO, YES
 from hdvplan.study.conduct import run as run_study
 from hdvplan.study.spec import read_study
+from hdvplan.study.store import KEPT
 from tests.nightly import nightly
-from tests.study.conftest import Cli, InHere
+from tests.study.conftest import Cli, InHere, kept_in
 from tests.study.test_engines import FAULTY
 from tests.study.test_run import exact
 
@@ -40,7 +41,7 @@ def test_a_study_ends_in_0_with_its_files_and_a_sentence(cli: Cli, study_file: P
     assert "places that need the least widening" in outcome.out
     assert outcome.out.endswith("written to out/\n")
     assert {path.name for path in Path("out").iterdir()} == {
-        "cells.parquet", "cells.csv", "places.parquet", "ranking.csv", "straying.csv", "map.html", "table.xlsx", "study.json", "parts"
+        "cells.parquet", "cells.csv", "places.parquet", "ranking.csv", "straying.csv", "map.html", "table.xlsx", "study.json", KEPT
     }  # fmt: skip
     again = cli("study", str(study_file), "--out", "out", "--json")
     assert json.loads(again.out) == {"out": "out", "cells": 4, "outcomes": {"planned": 4}, "fits": {YES: 2, NO: 2}}
@@ -178,23 +179,18 @@ def test_a_study_that_is_ended_goes_on_from_there(study_file: Path, number: sign
     monkeypatch.chdir(study_file.parent)
     widths = ", ".join(f"{1.6 + 0.02 * step:.2f}" for step in range(60))
     study_file.write_text(STUDY.replace("1.55, 3.5", widths), encoding="utf-8")
-    code = (
-        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from hdvplan.study import store; store._EVERY_S = 0.2\n"
-        "from hdvplan.cli.entry import main; main()"
-    )
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\nfrom hdvplan.cli.entry import main; main()"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     command = [sys.executable, "-c", code, "study", "study.toml", "--out", "out", "--workers", "1"]
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:  # noqa: S603
-        parts = study_file.parent / "out" / "parts" / "cells"
         until = time.monotonic() + 120.0  # takes some seconds; a machine with other work takes longer
-        while not list(parts.glob("*.parquet")) and time.monotonic() < until:
+        while not kept_in(Path("out")) and time.monotonic() < until:
             time.sleep(0.05)
         process.send_signal(number)
         said = process.communicate(timeout=60.0)[1]
     assert process.returncode == {signal.SIGKILL: -9, signal.SIGTERM: 143, signal.SIGINT: 130}[number]
     assert number == signal.SIGKILL or "cells are kept in out; the same command continues the study" in said
-    kept = sum(len(pd.read_parquet(part)) for part in parts.glob("*.parquet"))
+    kept = kept_in(Path("out"))
     assert 0 < kept < 120
     rest = InHere()
     resumed = run_study(read_study(study_file), "out", rest)

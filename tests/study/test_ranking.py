@@ -9,15 +9,17 @@ import pytest
 
 from hdvplan.study.cells import Row, cell_columns, place_columns
 from hdvplan.study.ranking import MERGED_M, ranking_of, straying_of
-from hdvplan.study.store import LINES, POINTS, schema_of, write_rows
+from hdvplan.study.store import LINES, POINTS, schema_of, table_file
 
 METRE = 1.0 / 111_195.0  # of latitude, in degrees on a sphere of 6371 km
 
 
 def _ranking(folder: Path, cells: list[Row], places: list[Row]) -> pd.DataFrame:
     common: Row = {"objective": "geometric", "scheme": "rti", "solver": "riccati", "offset_m": 0.0, "reverse": False}
-    write_rows(folder / "cells.parquet", [common | cell for cell in cells], schema_of(cell_columns(()), LINES))
-    write_rows(folder / "places.parquet", [common | place for place in places], schema_of(place_columns(()), POINTS))
+    with table_file(folder / "cells.parquet", schema_of(cell_columns(()), LINES)) as write:
+        write([common | cell for cell in cells])
+    with table_file(folder / "places.parquet", schema_of(place_columns(()), POINTS)) as write:
+        write([common | place for place in places])
     return ranking_of(folder / "cells.parquet", folder / "places.parquet", ())
 
 

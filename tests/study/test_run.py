@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
-import time
-from collections.abc import Callable, Iterable
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import shapely
@@ -21,12 +20,13 @@ from hdvplan import api
 from hdvplan.answers import NEEDS
 from hdvplan.errors import OptionError
 from hdvplan.report.summary import summary_of
-from hdvplan.study.cells import PARALLEL, SUMMARY, Cell, cells_of, taken
+from hdvplan.study.cells import PARALLEL, SUMMARY, cells_of, taken
 from hdvplan.study.conduct import STRAYING, Results, run
-from hdvplan.study.engine import KILLED, Ending, ended
+from hdvplan.study.engine import KILLED, ended
 from hdvplan.study.pools import outcome_of
 from hdvplan.study.spec import study_of
-from tests.study.conftest import InHere, known_outcome
+from hdvplan.study.store import DAMAGED, KEPT, Store
+from tests.study.conftest import InHere, kept_in, known_outcome
 
 Entries = dict[str, object]
 
@@ -125,71 +125,49 @@ def test_only_what_changed_runs_anew_and_the_rest_stays_as_it_is(folder: Path, t
     assert narrowed.worked == []
 
 
-def test_what_ended_before_an_interruption_is_kept_before_processes_are_ended(folder: Path, tiny: Entries) -> None:
-    kept: list[bool] = []
-
-    class Slow(InHere):
-        def run(self, cells: Iterable[Cell]) -> Ending:
-            try:
-                yield from super().run(cells)
-            finally:
-                kept.append((folder / "out" / "parts" / "cells").is_dir())
+def test_a_cell_is_kept_as_soon_as_it_has_ended(folder: Path, tiny: Entries) -> None:
+    kept: list[int] = []
 
     def interrupted(done: int, _: int) -> None:
+        kept.append(kept_in(folder / "out"))
         if done == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(study_of(tiny, folder), folder / "out", Slow(), on_progress=interrupted)
-    assert kept == [True]
+        run(study_of(tiny, folder), folder / "out", InHere(), on_progress=interrupted)
+    assert kept == [0, 1, 2, 3]
     rest = InHere()
     resumed = _run(folder, tiny, rest)
     assert len(rest.worked) == 5
     pd.testing.assert_frame_equal(exact(resumed.cells()), exact(_run(folder, tiny, out="undisturbed").cells()))
 
 
-def test_a_cell_is_on_disk_soon_whenever_the_next_one_ends(folder: Path, tiny: Entries, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdvplan.study.store._EVERY_S", 0.05)
-    parts, kept = folder / "out" / "parts" / "cells", list[int]()
-
-    class Long(InHere):
-        def run(self, cells: Iterable[Cell]) -> Ending:
-            for number, done in enumerate(super().run(cells)):
-                until = time.monotonic() + 30.0  # a busy machine takes longer
-                while number == 1 and not list(parts.glob("*.parquet")) and time.monotonic() < until:
-                    time.sleep(0.01)
-                kept.append(len(list(parts.glob("*.parquet"))))
-                yield done
-
-    results = _run(folder, tiny, Long())
-    assert kept[:2] == [0, 1]
-    assert len(results.cells()) == 8
+def test_a_file_that_cannot_be_written_ends_a_study(folder: Path, tiny: Entries, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.study.store._PATIENCE_S", 0.0)
+    _run(folder, tiny | {"vehicles": ["bus"]})
+    with closing(sqlite3.connect(folder / "out" / KEPT)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(OSError, match="database is locked"):
+            _run(folder, tiny)
+    assert not (folder / "out" / DAMAGED).exists()
 
 
-def test_a_disk_that_is_full_ends_a_study_at_its_next_cell(folder: Path, tiny: Entries, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr("hdvplan.study.store.write_rows", full)
-    monkeypatch.setattr("hdvplan.study.store._EVERY_S", 0.01)
-    engine = InHere(instead=outcome_of)
-    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
-        _run(folder, tiny, engine)
-    assert 0 < len(engine.worked) < 8  # each takes longer than a part waits
+def test_two_processes_may_work_on_one_study(folder: Path, tiny: Entries) -> None:
+    study = study_of(tiny, folder)
+    first, second = InHere(), InHere(order=lambda cells: cells[::-1])
+    each = zip(first.run(cells_of(study)), second.run(cells_of(study)), strict=True)
+    (folder / "out").mkdir()
+    with closing(Store(folder / "out", print)) as one, closing(Store(folder / "out", print)) as other:
+        for mine, theirs in each:
+            one.add(mine)
+            other.add(theirs)
+    assert kept_in(folder / "out") == 8
 
 
 def test_a_road_is_called_as_it_is_in_the_ranking_too(folder: Path, tiny: Entries) -> None:
     (folder / "bend.csv").rename(folder / "007.csv")
     results = _run(folder, tiny | {"roads": ["007.csv"], "half_widths": [1.4]})
     assert set(results.ranking()["road"]) == set(results.cells()["road"]) == {"007"}
-
-
-def test_a_part_that_a_crash_left_without_its_cells_does_no_harm(folder: Path, tiny: Entries) -> None:
-    before = _run(folder, tiny).places()
-    places = folder / "out" / "parts" / "places"
-    (only,) = places.iterdir()
-    (places / "9999999999999999999-1.parquet").write_bytes(only.read_bytes())
-    pd.testing.assert_frame_equal(_run(folder, tiny).places(), before)
 
 
 def test_a_cell_without_an_answer_is_a_row_and_runs_again_at_the_next_start(folder: Path, tiny: Entries) -> None:
@@ -306,66 +284,48 @@ def test_a_folder_of_others_is_refused(folder: Path, tiny: Entries, name: str, c
     assert ("put back study.json from a copy" in str(raised.value.hint)) == (name == "study.json")
 
 
-@pytest.mark.parametrize("columns", [None, {"mine": [1]}, {"key": ["\u00e4"], "outcome": ["planned"]}])
-def test_a_part_that_is_of_others_is_set_aside_and_told(folder: Path, tiny: Entries, columns: dict[str, list[object]] | None) -> None:
-    _run(folder, tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]})
-    part = folder / "out" / "parts" / "cells" / "mine.parquet"
-    if columns is None:
-        part.write_bytes(b"PAR1 no more")
-    else:
-        pq.write_table(pa.table(columns), part)
-    told: list[str] = []
-    engine = InHere()
-    run(study_of(tiny | {"roads": ["bend.csv"], "vehicles": ["bus"]}, folder), folder / "out", engine, on_damage=told.append)
-    assert not engine.worked  # the others are kept
-    (line,) = told
-    assert "mine.parquet cannot be read" in line
-    assert (folder / "out" / "parts" / "damaged" / "cells-mine.parquet").exists()
+def _overwritten(kept: Path) -> None:
+    kept.write_bytes(b"nothing of a table\n" * 1000)
 
 
-def _torn(part: Path) -> None:
-    part.write_bytes(part.read_bytes()[:-20])
+def _without_table(kept: Path) -> None:
+    content = bytearray(kept.read_bytes())
+    content[100:4096] = bytes(3996)
+    kept.write_bytes(bytes(content))
 
 
-def _flipped(part: Path) -> None:
-    """Damage the data of every column, and leave what names them: only whoever reads the columns finds out."""
-    content = bytearray(part.read_bytes())
-    content[4 : len(content) // 3] = bytes(len(content) // 3 - 4)
-    part.write_bytes(bytes(content))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "damage"), [("cells", _torn), ("cells", _flipped), ("places", _torn), ("places", _flipped), ("places", Path.unlink)]
-)
-def test_three_damaged_parts_heal_in_one_start(folder: Path, tiny: Entries, kind: str, damage: Callable[[Path], None]) -> None:
-    for widths in ([1.6], [1.6, 3.5]):
-        _run(folder, tiny | {"half_widths": widths, "vehicles": ["bus"]})
-    whole = _run(folder, tiny).cells()  # three parts, one a start
-    parts = sorted((folder / "out" / "parts" / kind).glob("*.parquet"))
-    assert len(parts) >= 3  # one more where ten seconds went by
-    for part in parts:
-        damage(part)
+@pytest.mark.parametrize("damage", [_overwritten, _without_table])
+def test_a_damaged_file_is_moved_aside_and_told(folder: Path, tiny: Entries, damage: Callable[[Path], None]) -> None:
+    whole = _run(folder, tiny).cells()
+    damage(folder / "out" / KEPT)
     told: list[str] = []
     engine = InHere()
     healed = run(study_of(tiny, folder), folder / "out", engine, on_damage=told.append)
-    assert len(told) == len(parts)
-    assert len(engine.worked) == len(whole)
+    (line,) = told
+    assert f"{KEPT} cannot be read" in line
+    assert (folder / "out" / DAMAGED).exists()
+    assert len(engine.worked) == 8
     pd.testing.assert_frame_equal(exact(healed.cells()), exact(whole))
-    again = InHere()
-    _run(folder, tiny, again)
-    assert not again.worked
 
 
-def test_a_part_that_may_not_be_read_is_no_damage(folder: Path, tiny: Entries, monkeypatch: pytest.MonkeyPatch) -> None:
-    def forbidden(*_: object) -> None:
-        raise PermissionError(errno.EACCES, "Permission denied")
+def test_a_cell_whose_content_is_damaged_is_planned_again_and_told(folder: Path, tiny: Entries) -> None:
+    whole = _run(folder, tiny).cells()
+    with closing(sqlite3.connect(folder / "out" / KEPT)) as file, file:
+        file.execute("UPDATE cells SET content = substr(content, 1, 50) WHERE key = ?", (whole["key"][2],))
+        file.execute("UPDATE cells SET content = 5 WHERE key = ?", (whole["key"][5],))
+    told: list[str] = []
+    engine = InHere()
+    healed = run(study_of(tiny, folder), folder / "out", engine, on_damage=told.append)
+    assert told == [f"{folder / 'out' / KEPT} has damaged cells: 2, which are planned again"]
+    assert set(engine.worked) == {whole["key"][2], whole["key"][5]}
+    pd.testing.assert_frame_equal(exact(healed.cells()), exact(whole))
 
-    _run(folder, tiny | {"vehicles": ["bus"]})
-    monkeypatch.setattr("hdvplan.study.store.pq.ParquetFile", forbidden)
-    with pytest.raises(PermissionError):
+
+def test_what_an_older_version_kept_is_refused(folder: Path, tiny: Entries) -> None:
+    _run(folder, tiny)
+    (folder / "out" / "parts" / "cells").mkdir(parents=True)
+    with pytest.raises(OptionError, match="parts holds cells of an older hdvplan, which this one cannot read"):
         _run(folder, tiny)
-    assert not (folder / "out" / "parts" / "damaged").exists()
 
 
 def test_tables_are_written_through_no_link_and_into_no_folder_of_undecodable_bytes(folder: Path, tiny: Entries) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from hdvplan.answers import NEEDS, NO, YES, needs_text, room_text
 from hdvplan.study.cells import Row, cell_columns
-from hdvplan.study.store import LINES, schema_of, write_rows
+from hdvplan.study.store import LINES, schema_of, table_file
 from hdvplan.study.workbook import write_workbook
 
 
@@ -20,7 +20,8 @@ def _cell(road: str, vehicle: str, **more: object) -> Row:
 
 
 def _sheets(folder: Path, cells: list[Row]) -> dict[str, dict[str, list[object]]]:
-    write_rows(folder / "cells.parquet", cells, schema_of(cell_columns(()), LINES))
+    with table_file(folder / "cells.parquet", schema_of(cell_columns(()), LINES)) as write:
+        write(cells)
     write_workbook(folder / "table.xlsx", folder / "cells.parquet", ())
     found: dict[str, dict[str, list[object]]] = {}
     for sheet, _ in pyogrio.list_layers(folder / "table.xlsx"):
@@ -61,10 +62,7 @@ def test_of_several_settings_the_best_answer_stands_in_the_row_of_its_width(tmp_
 
 
 def test_a_study_too_large_for_a_workbook_leaves_none_from_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _sheets(tmp_path, [_cell("lane", "bus", word=YES, spare_m=0.5)])
+    _sheets(tmp_path, [_cell("lane", name, word=YES, spare_m=0.5) for name in "ab"])
     monkeypatch.setattr("hdvplan.study.workbook.MOST_CELLS", 1)
-    write_rows(
-        tmp_path / "cells.parquet", [_cell("lane", name, word=YES, spare_m=0.5) for name in "ab"], schema_of(cell_columns(()), LINES)
-    )
     write_workbook(tmp_path / "table.xlsx", tmp_path / "cells.parquet", ())
     assert not (tmp_path / "table.xlsx").exists()
