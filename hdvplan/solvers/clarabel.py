@@ -6,16 +6,15 @@ and absent bounds must be absent rows (infinite right-hand sides break it).
 
 from __future__ import annotations
 
-from time import perf_counter
-
 import clarabel
 import numpy as np
 import scipy.sparse as sp
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import SolverError
-from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.workspace import QpResult, Status
-from hdvplan.solvers.sparse import SparseQp, stack
+from hdvplan.qp.program import StageShape, StageSolution
+from hdvplan.qp.workspace import Status
+from hdvplan.solvers.sparse import Answer, SparseWorkspace, stack
 
 _STATUS = {
     "Solved": Status.SOLVED,
@@ -33,35 +32,21 @@ TOLERANCE = 1e-8  # of feasibility and of the duality gap
 _RELATIVE = 1e-4  # of the tolerance, for the gap relative to an elastic program's cost, which is of the order of 1e4
 
 
-class ClarabelWorkspace:
+class ClarabelWorkspace(SparseWorkspace):
     """Clarabel over [dynamics; rows; upper bounds; lower bounds]."""
 
     name = "clarabel"
-    starts_warm = False
     settings = f"no presolve, gap relative to cost {_RELATIVE:g} of it"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE) -> None:
-        """Lay out the pattern; the first solve sets the solver up."""
-        self._form = SparseQp.of(shape, elastic=elastic)
-        self._point = StageSolution.empty(shape)
+        super().__init__(shape, tolerance, elastic=elastic)
         self._above, self._below = np.flatnonzero(np.isfinite(self._form.high)), np.flatnonzero(np.isfinite(self._form.low))
         eye = sp.eye_array(len(self._form.q), format="csr")
         self._matrix, self._places = stack(self._form.E, self._form.G, eye[self._above], -eye[self._below])
         self._bound_values = np.concatenate([np.ones(len(self._above)), -np.ones(len(self._below))])
-        self._tolerance = tolerance
-        self._solver: clarabel.DefaultSolver | None = None
 
-    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:  # noqa: ARG002 - Clarabel cannot start warm
-        """Solve ``qp``; see ``QpWorkspace``.
-
-        Raises:
-            SolverError: Clarabel does not allow its data to be updated.
-
-        """
-        started = perf_counter()
-        qp.check()
+    def _update(self, guess: StageSolution | None) -> None:  # noqa: ARG002 - Clarabel cannot start warm
         form = self._form
-        form.load(qp)
         values = np.concatenate([form.E.data, form.G.data, self._bound_values])[self._places]
         right = np.concatenate([form.b, form.h, form.high[self._above], -form.low[self._below]])
         if self._solver is None:
@@ -69,21 +54,18 @@ class ClarabelWorkspace:
             self._solver = self._set_up(right)
         else:
             self._solver.update(P=form.P.data, q=form.q, A=values, b=right)
-        updated = perf_counter()
-        result = self._solver.solve()
-        status = _STATUS.get(str(result.status), Status.FAILED)
-        dual = np.array(result.z)
+
+    def _run(self) -> Answer:
+        form, result = self._form, self._solver.solve()
         cuts = np.cumsum([len(form.b), len(form.h), len(self._above)])
-        equality, rows, above, below = np.split(dual, cuts)
+        equality, rows, above, below = np.split(np.array(result.z), cuts)
         bounds = np.zeros(len(form.q))
         bounds[self._above] += above
         bounds[self._below] -= below
-        form.point(np.array(result.x), equality, rows, bounds, self._point)
-        if status not in {Status.SOLVED, Status.INACCURATE}:
-            self._solver = None
-        return QpResult(status, self._point, int(result.iterations), updated - started, perf_counter() - updated)
+        status = _STATUS.get(str(result.status), Status.FAILED)
+        return Answer(status, int(result.iterations), np.array(result.x), equality, rows, bounds)
 
-    def _set_up(self, right: np.ndarray[tuple[int], np.dtype[np.float64]]) -> clarabel.DefaultSolver:
+    def _set_up(self, right: FloatArray) -> clarabel.DefaultSolver:
         form, settings = self._form, clarabel.DefaultSettings()
         settings.verbose = False
         settings.presolve_enable = False

@@ -8,16 +8,14 @@ the clock, so that runs repeat.
 
 from __future__ import annotations
 
-from time import perf_counter
-
 import numpy as np
 import osqp
 import scipy.sparse as sp
 
 from hdvplan.errors import SolverError
-from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.workspace import QpResult, Status
-from hdvplan.solvers.sparse import SparseQp, stack
+from hdvplan.qp.program import StageShape, StageSolution
+from hdvplan.qp.workspace import Status
+from hdvplan.solvers.sparse import Answer, SparseWorkspace, stack
 
 _STATUS = {
     osqp.SolverStatus.OSQP_SOLVED: Status.SOLVED,
@@ -35,7 +33,7 @@ _INFINITY = 1e30  # OSQP's own
 _ADAPTED = 50  # iterations between two changes of rho
 
 
-class OsqpWorkspace:
+class OsqpWorkspace(SparseWorkspace):
     """OSQP over [dynamics; rows; bounds], two-sided."""
 
     name = "osqp"
@@ -43,26 +41,14 @@ class OsqpWorkspace:
     settings = f"eps_rel 0, rho adapted every {_ADAPTED} iterations, warm start"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE, iterations: int = 10_000) -> None:
-        """Lay out the pattern; the first solve sets the solver up."""
-        self._form = SparseQp.of(shape, elastic=elastic)
-        self._point = StageSolution.empty(shape)
+        super().__init__(shape, tolerance, elastic=elastic)
         self._bounded = np.flatnonzero(np.isfinite(self._form.low) | np.isfinite(self._form.high))
         bounds = sp.eye_array(len(self._form.q), format="csr")[self._bounded]
         self._matrix, self._places = stack(self._form.E, self._form.G, bounds)
-        self._tolerance, self._iterations = tolerance, iterations
-        self._solver: osqp.OSQP | None = None
+        self._iterations = iterations
 
-    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
-        """Solve ``qp``; see ``QpWorkspace``.
-
-        Raises:
-            SolverError: OSQP refused the program.
-
-        """
-        started = perf_counter()
-        qp.check()
+    def _update(self, guess: StageSolution | None) -> None:
         form = self._form
-        form.load(qp)
         values = np.concatenate([form.E.data, form.G.data, np.ones(len(self._bounded))])[self._places]
         low = np.concatenate([form.b, np.full(len(form.h), -_INFINITY), np.maximum(form.low[self._bounded], -_INFINITY)])
         high = np.concatenate([form.b, form.h, np.minimum(form.high[self._bounded], _INFINITY)])
@@ -82,13 +68,11 @@ class OsqpWorkspace:
         if guess is not None:
             v, equality, rows, bounds = form.flatten(guess)
             self._solver.warm_start(x=v, y=np.concatenate([equality, rows, bounds[self._bounded]]))
-        updated = perf_counter()
-        result = self._solver.solve(raise_error=False)
+
+    def _run(self) -> Answer:
+        form, result = self._form, self._solver.solve(raise_error=False)
         status = _STATUS.get(osqp.SolverStatus(result.info.status_val), Status.FAILED)
-        dual = np.array(result.y)
+        equality, rows, dual = np.split(np.array(result.y), np.cumsum([len(form.b), len(form.h)]))
         bounds = np.zeros(len(form.q))
-        bounds[self._bounded] = dual[len(form.b) + len(form.h) :]
-        form.point(np.array(result.x), dual[: len(form.b)], dual[len(form.b) : len(form.b) + len(form.h)], bounds, self._point)
-        if status not in {Status.SOLVED, Status.INACCURATE}:
-            self._solver = None  # such a run leaves iterates and a step size that spoil the next
-        return QpResult(status, self._point, int(result.info.iter), updated - started, perf_counter() - updated)
+        bounds[self._bounded] = dual
+        return Answer(status, int(result.info.iter), np.array(result.x), equality, rows, bounds)

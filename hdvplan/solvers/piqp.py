@@ -7,14 +7,12 @@ another program, which it can keep, ends some programs whose limits cannot be ke
 
 from __future__ import annotations
 
-from time import perf_counter
-
 import numpy as np
 import piqp
 
-from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.workspace import QpResult, Status
-from hdvplan.solvers.sparse import SparseQp
+from hdvplan.qp.program import StageShape, StageSolution
+from hdvplan.qp.workspace import Status
+from hdvplan.solvers.sparse import Answer, SparseWorkspace
 
 _STATUS = {
     piqp.PIQP_SOLVED: Status.SOLVED,
@@ -27,41 +25,29 @@ TOLERANCE = 1e-8  # absolute, of residuals and of the duality gap
 _ITERATIONS = 400  # nearly three times what the hardest feasible program took, with 200 rows broken by up to 0.28 m
 
 
-class PiqpWorkspace:
+class PiqpWorkspace(SparseWorkspace):
     """PIQP with its fully condensed sparse factorisation, the fastest of its back ends on these programs."""
 
     name = "piqp"
-    starts_warm = False
     settings = "sparse_ldlt_cond, no relative tolerances"
 
     def __init__(self, shape: StageShape, *, elastic: bool, tolerance: float = TOLERANCE) -> None:
-        """Lay out the pattern; the first solve sets the solver up."""
-        self._sparse = SparseQp.of(shape, elastic=elastic)
-        self._point = StageSolution.empty(shape)
-        self._tolerance = tolerance
-        self._solver: piqp.SparseSolver | None = None
+        super().__init__(shape, tolerance, elastic=elastic)
 
-    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:  # noqa: ARG002 - PIQP cannot start warm
-        """Solve ``qp``; see ``QpWorkspace``."""
-        started = perf_counter()
-        qp.check()
-        form = self._sparse
-        form.load(qp)
-        if self._solver is None:
+    def _update(self, guess: StageSolution | None) -> None:  # noqa: ARG002 - PIQP cannot start warm
+        form, first = self._form, self._solver is None
+        if first:
             self._solver = piqp.SparseSolver()
             self._solver.settings.eps_abs = self._solver.settings.eps_duality_gap_abs = self._tolerance
             self._solver.settings.eps_rel = 0.0
             self._solver.settings.eps_duality_gap_rel = 0.0  # relative to an elastic program's cost it means nothing
             self._solver.settings.max_iter = _ITERATIONS
             self._solver.settings.kkt_solver = piqp.KKTSolver.sparse_ldlt_cond
-            self._solver.setup(form.P, form.q, A=form.E, b=form.b, G=form.G, h_u=form.h, x_l=form.low, x_u=form.high)
-        else:
-            self._solver.update(P=form.P, c=form.q, A=form.E, b=form.b, G=form.G, h_u=form.h, x_l=form.low, x_u=form.high)
-        updated = perf_counter()
+        hand_over = self._solver.setup if first else self._solver.update
+        hand_over(P=form.P, c=form.q, A=form.E, b=form.b, G=form.G, h_u=form.h, x_l=form.low, x_u=form.high)
+
+    def _run(self) -> Answer:
         status = _STATUS.get(self._solver.solve(), Status.FAILED)
         result = self._solver.result
-        iterations = int(result.info.iter)
-        form.point(np.array(result.x), np.array(result.y), np.array(result.z_u), np.array(result.z_bu) - np.array(result.z_bl), self._point)
-        if status is not Status.SOLVED:
-            self._solver = None  # whatever state it is in, the next solve starts clean
-        return QpResult(status, self._point, iterations, updated - started, perf_counter() - updated)
+        bounds = np.array(result.z_bu) - np.array(result.z_bl)
+        return Answer(status, int(result.info.iter), np.array(result.x), np.array(result.y), np.array(result.z_u), bounds)

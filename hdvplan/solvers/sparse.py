@@ -8,13 +8,17 @@ factorisations need. Matrices are CSC with sorted indices and keep their structu
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from time import perf_counter
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray
 from hdvplan.qp.program import NAMES, StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, Status
 
 _ONE, _MINUS_ONE = -1, -2  # codes of constant entries
 
@@ -85,6 +89,55 @@ class SparseQp:
         if self.elastic:
             v[self.sigma_columns] = point.sigma
         return v, np.concatenate([point.dynamics[0], -point.dynamics[1:].ravel()]), point.rows.ravel(), bounds
+
+
+class Answer(NamedTuple):
+    """What a solver returns, with multipliers as ``SparseQp.point`` takes them."""
+
+    status: Status
+    iterations: int
+    v: FloatArray
+    equality: FloatArray
+    rows: FloatArray
+    bounds: FloatArray
+
+
+class SparseWorkspace(ABC):
+    """A general solver behind the workspace protocol: a class says how it takes the loaded program, and how it is run."""
+
+    starts_warm: ClassVar = False
+    name: str
+
+    def __init__(self, shape: StageShape, tolerance: float, *, elastic: bool) -> None:
+        self._form, self._point = SparseQp.of(shape, elastic=elastic), StageSolution.empty(shape)
+        self._tolerance = tolerance
+        self._solver: Any = None  # a library's object; None: the next program sets it up
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``.
+
+        Raises:
+            SolverError: the solver refuses to be set up.
+
+        """
+        started = perf_counter()
+        qp.check()
+        self._form.load(qp)
+        self._update(guess)
+        updated = perf_counter()
+        answer = self._run()
+        self._form.point(*answer[2:], self._point)
+        if answer.status not in {Status.SOLVED, Status.INACCURATE}:
+            self._solver = None  # such a run leaves iterates and a step size that spoil the next
+        return QpResult(answer.status, self._point, answer.iterations, updated - started, perf_counter() - updated)
+
+    @abstractmethod
+    def _update(self, guess: StageSolution | None) -> None:
+        """Hand the loaded program over, and the guess where the solver starts warm."""
+
+    @abstractmethod
+    def _run(self) -> Answer:
+        """Solve what was handed over."""
 
 
 def stack(*parts: sp.csc_matrix | sp.csr_array) -> tuple[sp.csc_matrix, IntArray]:
