@@ -176,7 +176,6 @@ def content_digest(content: object) -> str:
 
 
 def _content(value: object) -> object:
-    """Return what of a value changes a plan, for JSON: every number as a float, arrays as their digest."""
     match value:
         case None | str():
             return value

@@ -239,12 +239,7 @@ def settle(directory: Path) -> None:
 
 
 def _names_in(path: Path) -> list[str]:
-    """Return the names of files in a folder that a file lists. A folder may come from anybody: what lies elsewhere is not taken away.
-
-    Raises:
-        OSError: it lists something else.
-
-    """
+    """Return the names of files in a folder that a file lists. A folder may come from anybody: what lies elsewhere is not taken away."""
     names = path.read_text(encoding="utf-8", errors="replace").split("\n")
     if any(name in {"", ".."} or "\0" in name or Path(name).name != name for name in names):
         raise OSError(errno.EINVAL, "it names more than files of its folder", str(path))
@@ -252,7 +247,6 @@ def _names_in(path: Path) -> list[str]:
 
 
 def _has_entry(path: Path, entry: str) -> bool:
-    """Tell whether a file is a JSON object with an entry."""
     try:
         found = read_json(path)
     except (OSError, ValueError):

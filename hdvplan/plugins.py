@@ -161,12 +161,7 @@ def _neighbours(folder: Path) -> Iterator[None]:
 
 
 def _check_neighbours(path: Path, digest: str) -> None:
-    """Refuse a file that was given another file's neighbour, of the same name as its own: a process has one module of a name.
-
-    Raises:
-        ImportError: it was.
-
-    """
+    """Refuse a file that was given another file's neighbour, of the same name as its own: a process has one module of a name."""
     folder = path.parent.resolve()
     for top in _imported(path, digest):
         own, files = PathFinder.find_spec(top, [str(folder)]), _own_files(top)

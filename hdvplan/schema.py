@@ -134,7 +134,6 @@ def _is_table(kind: Any) -> bool:  # noqa: ANN401 - a type
 
 
 def _needed(kind: Any) -> Collection[str]:  # noqa: ANN401 - a type
-    """Return the entries that a table must have."""
     if not is_dataclass(kind):
         return frozenset(kind.__required_keys__)
     return {field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING}
@@ -204,7 +203,6 @@ def _inner(kind: Any) -> Any:  # noqa: ANN401 - types
 
 
 def _words(kind: Any, name: str) -> list[str]:  # noqa: ANN401 - a type
-    """Return what an entry may be."""
     if get_origin(kind) in {Union, UnionType}:
         return [word for one in get_args(kind) for word in _words(one, name)]
     if get_origin(kind) is Literal:

@@ -273,7 +273,6 @@ def distance(one: StageSolution, other: StageSolution) -> float:
 
 
 def _each(make: WorkspaceMaker, programs: Sequence[Recorded]) -> list[tuple[QpWorkspace, Recorded]]:
-    """Return every program with a workspace that solves all of its shape."""
     sizes = [(each.qp.shape.stages, each.qp.shape.states, each.qp.shape.rows) for each in programs]
     made = {size: make(each.qp.shape) for size, each in dict(zip(sizes, programs, strict=True)).items()}
     return [(made[size], each) for size, each in zip(sizes, programs, strict=True)]

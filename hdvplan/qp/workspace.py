@@ -190,13 +190,7 @@ class Judge:
         return _attempt(partial(solve, qp, guess), judge)
 
     def _in_time(self, limit_s: float, qp: StageQp, guess: StageSolution | None) -> QpResult:
-        """Have a separate thread solve a copy: one that is late must not see the next program's values.
-
-        Raises:
-            LateError: it has not answered in time.
-            BaseException: whatever the solver raises.
-
-        """
+        """Have a separate thread solve a copy: one that is late must not see the next program's values."""
         try:
             return in_time(limit_s, partial(self._first.solve, qp.copy(), guess))
         except LateError as error:
@@ -236,7 +230,6 @@ def in_time(limit_s: float, solve: Callable[[], QpResult]) -> QpResult:
 
 
 def _attempt(solve: Callable[[], QpResult], judge: Judging) -> tuple[QpResult | None, str]:
-    """Return a solver's result, and why it is refused."""
     try:
         result = solve()
         judged = judge(result.point)

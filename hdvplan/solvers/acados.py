@@ -60,11 +60,9 @@ class AcadosWorkspace(HpipmWorkspace):
         super().__init__(shape, tolerance=tolerance)
 
     def _allocated(self, tolerance: float) -> list[Memory]:
-        """Make the memory of every setting, in the order in which they are tried."""
         return [self._made_by_acados(mode, max(1, self._shape.stages // block), most, tolerance) for mode, block, most in _SETTINGS]
 
     def _made_by_acados(self, mode: str, blocks: int, most: int, tolerance: float) -> Memory:
-        """Make acados' structures for one mode of HPIPM and a number of blocks."""
         acados = self._acados
         dimensions = c_void_p(acados.ocp_qp_dims_create(self._shape.stages))
         sizes = dimensions_of(self._shape, self._library)
@@ -83,7 +81,6 @@ class AcadosWorkspace(HpipmWorkspace):
         return Memory(qp=program, solution=solution, workspace=solver)
 
     def _attempt(self, memory: Memory) -> tuple[Status, int]:
-        """Solve the gathered program with one setting; return what acados says of it, and its iterations."""
         self._library.d_ocp_qp_set_all_rowmaj(*self._from, memory.qp)
         status = self._acados.ocp_qp_solve(memory.workspace, memory.qp, memory.solution)
         self._library.d_ocp_qp_sol_get_all(memory.solution, *self._into)
@@ -102,12 +99,7 @@ def _free(acados: ctypes.CDLL, solver: c_void_p, program: c_void_p, solution: c_
 
 @cache
 def _library() -> ctypes.CDLL:
-    """Load acados beside its HPIPM.
-
-    Raises:
-        SolverError: the wheel is not there.
-
-    """
+    """Load acados beside its HPIPM."""
     folder = Path(load_hpipm()._name).parent  # noqa: SLF001 - where ctypes keeps the path
     if not (folder / "libacados.so").is_file():
         msg = f"no libacados.so beside HPIPM in {folder}"

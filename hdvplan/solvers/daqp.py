@@ -38,7 +38,6 @@ class DaqpWorkspace:
     settings = f"states eliminated in NumPy, soft rows of its own, iter_limit {_ITERATIONS}, cold"
 
     def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
-        """Allocate the eliminated program."""
         self._shape, self._tolerance = shape, tolerance
         stages, n, m = shape.stages, shape.states, shape.inputs
         self._point = StageSolution.empty(shape)
@@ -71,7 +70,6 @@ class DaqpWorkspace:
         return QpResult(_STATUS.get(flag, Status.FAILED), self._point, int(info["iterations"]), updated - started, perf_counter() - updated)
 
     def _eliminated(self, qp: StageQp) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return H, f, A and both sides of the program in the inputs."""
         M, d, m, size = self._M, self._d, self._shape.inputs, self._M.shape[2]
         d[0] = qp.x_first
         for i in range(self._shape.stages):

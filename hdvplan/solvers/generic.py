@@ -80,7 +80,6 @@ class GenericWorkspace:
         return QpResult(status, self._point, _iterations(solution.extras), updated - started, perf_counter() - updated, reason=reason)
 
     def _problem(self) -> qpsolvers.Problem:
-        """Return the loaded program in the form that the solver takes."""
         form, fitting = self._form, self._fitting
         full = (form.P + sp.triu(form.P, 1).T + fitting.ridge * sp.eye_array(len(form.q))).tocsc()
         rows, right = form.G, form.h
@@ -98,7 +97,6 @@ class GenericWorkspace:
 
 
 def _in_double() -> AbstractContextManager[object]:
-    """Return JAX's switch to double precision, for the time of a call."""
     return cast("AbstractContextManager[object]", import_module("jax").enable_x64(True))
 
 

@@ -113,12 +113,7 @@ class ForeignWorkspace:
         return result._replace(solve_time=took).beside(lent).beside(answered.passed())
 
     def _taken(self, result: object, shape: StageShape) -> QpResult:
-        """Return an answer as plain values and our own arrays, while the clock runs: one that is computed when it is read costs its time.
-
-        Raises:
-            SolverError: it is no result; ``status`` is ``raised``.
-
-        """
+        """Return an answer as plain values and our own arrays; one that is computed when it is read costs its solver the time."""
         if not isinstance(result, QpResult):
             msg = f"solver {self.name!r} returns something of type {type(result).__name__}, not a QpResult"
             raise SolverError(msg, status="raised")

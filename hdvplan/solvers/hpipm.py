@@ -126,7 +126,6 @@ class HpipmWorkspace:
         return QpResult(status, self._point, iterations, updated - started, perf_counter() - updated)
 
     def _attempt(self, memory: Memory) -> tuple[Status, int]:
-        """Solve the gathered program with one setting; return what HPIPM says of it, and its iterations."""
         library = self._library
         library.d_ocp_qp_set_all_rowmaj(*self._from, memory.qp)
         library.d_part_cond_qp_cond(memory.qp, memory.blocks, memory.condensing, memory.condenser)
@@ -141,16 +140,13 @@ class HpipmWorkspace:
         return _STATUS[status.value] if 0 <= status.value < len(_STATUS) else Status.FAILED, iterations.value
 
     def _proved(self, qp: StageQp) -> bool:
-        """Tell whether the residuals of the point prove an optimum."""
         judged, scale = residuals(qp, self._point), max(1.0, largest_multiplier(self._point))
         return judged.primal <= self._close and max(judged.dual, judged.gap) <= self._close * scale
 
     def _allocated(self, tolerance: float) -> list[Memory]:
-        """Make the memory of every setting, in the order in which they are tried."""
         return [self._allocate(setting, tolerance) for setting in _SETTINGS]
 
     def _allocate(self, setting: _Setting, tolerance: float) -> Memory:
-        """Make HPIPM's structures for one setting."""
         library, shape = self._library, self._shape
         stages, sizes = shape.stages, dimensions_of(shape, library)
         dimensions = self._made("d_ocp_qp_dim", stages)
@@ -180,7 +176,6 @@ class HpipmWorkspace:
         )  # fmt: skip
 
     def _made(self, kind: str, *given: object) -> Structure:
-        """Return one of HPIPM's structures with separate memory."""
         library = self._library
         structure = ctypes.create_string_buffer(_ROOM if kind in _CONDENSING else getattr(library, f"{kind}_strsize")())
         memory = ctypes.create_string_buffer(getattr(library, f"{kind}_memsize")(*given) + _ALIGNED)

@@ -181,12 +181,7 @@ def _ours() -> set[str]:
 
 
 def _row(name: str) -> Native | Generic | None:
-    """Return what is known of a solver; None of one that a reference or an installed package's offer names.
-
-    Raises:
-        SolverError: it is neither.
-
-    """
+    """Return what is known of a solver; None of one that a reference or an installed package's offer names."""
     row = GENERIC.get(name.removeprefix(THROUGH)) if name.startswith(THROUGH) else NATIVE.get(name)
     if row is not None or plugins.is_reference(name) or name in plugins.offers(plugins.SOLVER):
         return row
@@ -197,7 +192,6 @@ def _row(name: str) -> Native | Generic | None:
 
 
 def _class(solver: str | SolverClass) -> SolverClass:
-    """Return the class of a solver, loaded now."""
     if not isinstance(solver, str):
         return solver
     row = _row(solver)

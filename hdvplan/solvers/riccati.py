@@ -38,7 +38,6 @@ class RiccatiWorkspace:
     screens = True  # leaves inequalities out that are far away, and all of them where none is broken
 
     def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
-        """Allocate the factorisation and the iterates."""
         sizes, self._shape = shape.sizes, shape
         self._point, self._solved = StageSolution.empty(shape), np.zeros(3, np.int64)
         self._memory = np.zeros(_solver_size(core.address(sizes)), np.uint8)

@@ -112,7 +112,6 @@ def run(
 
 
 def _plan(study: Study, store: Store, engine: Engine, on_progress: Callable[[int, int], None]) -> None:
-    """Plan the cells without an answer, and keep them."""
     total = len(study)
     done = total - sum(1 for _ in _left(study, store))
     on_progress(done, total)
@@ -124,7 +123,6 @@ def _plan(study: Study, store: Store, engine: Engine, on_progress: Callable[[int
 
 
 def _left(study: Study, store: Store) -> Iterator[Cell]:
-    """Yield the cells that are not answered yet."""
     return (cell for cell in cells_of(study) if not store.has_answer(cell.key))
 
 
@@ -179,7 +177,6 @@ def _begun(study: Study, folder: Path, engine: Engine) -> Json:
 
 
 def _finished(folder: Path, varied: tuple[str, ...], record: Json) -> Results:
-    """Write what is made of the whole table; return the results."""
     from hdvplan.study.map_page import write_page  # noqa: PLC0415 - they load pandas, which needs memory that cells have use for
     from hdvplan.study.ranking import ranking_of, straying_of  # noqa: PLC0415 - as above
     from hdvplan.study.workbook import write_plain, write_workbook  # noqa: PLC0415 - as above
@@ -203,7 +200,6 @@ def _finished(folder: Path, varied: tuple[str, ...], record: Json) -> Results:
 
 
 def _rows(cells: Path, *columns: str) -> Iterator[tuple[Any, ...]]:
-    """Yield some columns of a table row by row."""
     import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
 
     for batch in pq.ParquetFile(cells).iter_batches(columns=list(columns)):

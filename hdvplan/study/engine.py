@@ -128,7 +128,6 @@ class _Queue:
     """Cells in the order in which they are handed out: the first of a road alone, which smooths it, then the others that wait for it."""
 
     def __init__(self, cells: Iterable[Cell]) -> None:
-        """Take nothing yet."""
         self._ahead = iter(cells)
         self._ready = deque[tuple[Cell, int]]()
         self._waiting: defaultdict[Smoothed, list[Cell]] = defaultdict(list)

@@ -131,7 +131,6 @@ def _sources(name: str, folder: Path) -> list[tuple[str, str]]:
 
 
 def _globbed(folder: Path, pattern: str) -> list[Path]:
-    """Return the files that match, sorted; a pattern may be absolute."""
     found = (folder / name for name in glob(pattern, root_dir=folder, recursive=True, include_hidden=True))  # noqa: PTH207 - Path.glob takes none
     return sorted(file for file in found if file.is_file())
 
@@ -193,7 +192,6 @@ def variants_of(names: Sequence[str], vary: Mapping[str, object], folder: Path) 
 
 
 def _vehicles(names: Sequence[str], folder: Path) -> dict[str, Vehicle]:
-    """Return the vehicles by their names."""
     found: dict[str, Vehicle] = {}
     for name in names:
         files: list[str | Path] = [folder / name] if (folder / name).is_file() else [name]

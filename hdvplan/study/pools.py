@@ -54,7 +54,6 @@ class _LocalPool:
     """A pool of processes that is replaced where it breaks."""
 
     def __init__(self, workers: int, limit: float) -> None:
-        """Start nothing yet: the first cell does."""
         self._workers, self._limit = workers, limit
         self.width = _AHEAD * workers
         self._pool = self._new()
@@ -97,7 +96,6 @@ def _serve() -> None:
 
 
 def _end(pool: pebble.ProcessPool) -> None:
-    """End the processes of a pool."""
     pool.stop()
     pool.join()
 

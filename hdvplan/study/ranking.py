@@ -96,7 +96,6 @@ def _lacking(cells: Path, places: Path, varied: tuple[str, ...]) -> pd.DataFrame
 
 
 def _parts(path: Path, columns: list[str]) -> Iterator[pd.DataFrame]:
-    """Yield a table some rows at a time."""
     for batch in pq.ParquetFile(path).iter_batches(batch_size=_AT_ONCE, columns=columns):
         yield batch.to_pandas()
 

@@ -111,7 +111,6 @@ class Study:
 
 
 def _code(solver: str, objective: str) -> str:
-    """Return a digest of hdvplan's source, the libraries' versions, and of what users brought, as it is now."""
     brought = [[*identity_of(name), version_of(kind, name)] for kind, name in ((SOLVER, solver), (OBJECTIVE, objective))]
     return content_digest([software(() if is_reference(solver) else (solver,)), brought])
 
@@ -213,7 +212,6 @@ def _widths(table: _StudyTable) -> tuple[Width | None, ...]:
 
 
 def _setups(schemes: Sequence[Scheme], lists: dict[str, Any], folder: Path) -> tuple[Setup, ...]:
-    """Return every combination of the settings."""
     refuse_many(len(schemes) * prod(map(len, lists.values())), "combinations of settings")
     if "bias" in lists:
         lists["bias"] = [_bias(value, folder) for value in lists["bias"]]

@@ -103,12 +103,7 @@ class Store:
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """Say what the system refuses in the block: a full disk, a file that may not be written.
-
-        Raises:
-            OSError: it refuses something.
-
-        """
+        """Say what the system refuses in the block: a full disk, a file that may not be written."""
         try:
             yield
         except sqlite3.OperationalError as error:

@@ -73,7 +73,6 @@ def work(cell: Cell) -> Outcome:
 
 
 def _answer(cell: Cell, row: Row, places: list[Row]) -> str:
-    """Fill the row and the places of a cell; return how it ended."""
     setup = cell.setup
     if setup.bias is not None and setup.bias_digest is not None:
         _check_unchanged(setup.bias, setup.bias_digest, lambda name: file_digest(Path(name)))
@@ -104,7 +103,6 @@ def _check_unchanged(name: str, digest: str, digest_here: Callable[[str], str]) 
 
 
 def _case(cell: Cell, road: Road) -> Case:
-    """Return the case of a cell on a road, or on a part of it."""
     if cell.width is not None:
         road = road.with_limits(cell.width.left, cell.width.right)
     if cell.setup.side is not None:
@@ -245,7 +243,6 @@ def spooled(name: str, make: Callable[[], Thing]) -> Thing:
 
 
 def _written(path: Path) -> float:
-    """Return when a file was written; one that another process has removed counts as old."""
     try:
         return path.stat().st_mtime
     except FileNotFoundError:

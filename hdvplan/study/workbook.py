@@ -86,7 +86,6 @@ def _cell(record: dict[Hashable, Any]) -> str:
 
 
 def _add(path: Path, sheet: str, table: pd.DataFrame) -> None:
-    """Add a sheet."""
     columns = [_column(table[name]) for name in table]
     names = [printable(str(name)) for name in table]
     pyogrio.raw.write(path, None, columns, names, layer=sheet, driver="XLSX", geometry_type=None, append=path.exists())

@@ -22,7 +22,7 @@ from hdvplan.bench.comparing.compare import Comparison, compare
 from hdvplan.bench.comparing.counters import Tolerance
 from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.processes import Ended
-from hdvplan.bench.comparing.programs import ProgramError, UnreachedError, present
+from hdvplan.bench.comparing.programs import Program, ProgramError, UnreachedError
 from hdvplan.bench.comparing.sides import Side, own_changes, own_name, read_side
 from hdvplan.bench.comparing.words import verdict_line
 from hdvplan.bench.comparing.work import CommandWork, SuiteWork, command_words, steps_of
@@ -114,7 +114,7 @@ PYTEST_BENCHMARK = {  # what --benchmark-json writes, without what describes the
 
 def test_a_report_of_pytest_benchmark_is_read_from_the_file_that_the_command_names(tmp_path: Path) -> None:
     work, out = CommandWork(("pytest", "--benchmark-json={json}")), tmp_path / "00"
-    _, option = work.command(present("new", None), out, warm=False)
+    _, option = work.command(Program("new"), out, warm=False)
     Path(option.partition("=")[2]).write_text(json.dumps(PYTEST_BENCHMARK, indent=4), encoding="utf-8")
     work.keep(Ended(0, "1 passed", ""), out)
     times = read_side(out).processes[0][own_name("bench/test_plan.py::test_depot")].total

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -121,7 +122,7 @@ def test_a_process_that_cannot_be_started_hides_no_reason(
 
     monkeypatch.setattr(multiprocessing.context.SpawnProcess, "start", start)
     suite = replace(tiny, solvers=("piqp",))
-    with Worker(suite, cases_of(suite), {"piqp": Fake("wrong")}) as worker:
+    with closing(Worker(suite, cases_of(suite), {"piqp": Fake("wrong")})) as worker:
         if row is None:
             with pytest.raises(RuntimeError, match="no main module"):
                 worker(0, judged=True)

@@ -169,12 +169,7 @@ def _is_answer(found: Comparison) -> bool:
 
 @contextmanager
 def _blamed(side: str) -> Iterator[None]:
-    """Say of a program that fails in the block which side it is.
-
-    Raises:
-        _SideError: it fails.
-
-    """
+    """Say of a program that fails in the block which side it is."""
     try:
         yield
     except ProgramError as error:
@@ -210,7 +205,6 @@ def _fails_too(begun: tuple[Started, Path] | None, new: Contender) -> bool:
 
 
 def _clear(folder: Path) -> None:
-    """Delete the runs of an earlier comparison."""
     if not folder.exists():
         return
     if not folder.is_dir() or any(not (entry.name.isdigit() or entry.name in {WARM, COLD}) for entry in folder.iterdir()):
@@ -259,12 +253,7 @@ def _compared(
     base: Callable[[], Program], new: Callable[[], Program], work: Suite | CommandWork, settings: Settings, out: Path, scratch: Scratch,
     listener: Listener,
 ) -> Comparison:  # fmt: skip
-    """Make both programs ready, measure them into ``out`` and compare; whichever is not ready is a failure.
-
-    Raises:
-        OptionError: neither is.
-
-    """
+    """Make both programs ready, measure them into ``out`` and compare; whichever is not ready is a failure."""
     contenders, failures = list[Contender](), list[tuple[str, MeasurementError]]()
     for side, made in zip(SIDES, (base, new), strict=True):
         try:
@@ -287,12 +276,7 @@ def _compared(
 
 
 def _work(program: Program, wanted: Suite | CommandWork, scratch: Scratch, side: str) -> Work:
-    """Return the work of one side; a suite is written out in full, so that no side's defaults count.
-
-    Raises:
-        MeasurementError: it cannot do what is wanted.
-
-    """
+    """Return the work of one side; a suite is written out in full, so that no side's defaults count."""
     if isinstance(wanted, CommandWork):
         return wanted
     file = scratch.folder / f"{side}.toml"

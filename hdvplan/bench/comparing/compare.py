@@ -251,13 +251,11 @@ def check_comparable(base: Side, new: Side) -> None:
 
 
 def _differing(base: Side, new: Side, name: str) -> list[tuple[str, object, object]]:
-    """Return the entries of a record that both sides have, and that differ, each with both values."""
     was, now = (side.records[0].get(name, {}) if side.records else {} for side in (base, new))
     return [(entry, was[entry], now[entry]) for entry in was if entry in now and was[entry] != now[entry]]
 
 
 def _names(side: Side) -> dict[Name, None]:
-    """Return the cells of which any process has steps."""
     return dict.fromkeys(name for process in side.processes for name in process)
 
 

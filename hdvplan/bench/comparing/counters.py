@@ -147,12 +147,7 @@ def broken_in_both(base: pd.DataFrame, new: pd.DataFrame) -> list[Change]:
 
 
 def _check_numbers(table: pd.DataFrame, columns: tuple[str, ...]) -> None:
-    """Refuse columns with words, or with numbers that no float holds.
-
-    Raises:
-        ValueError: there is one.
-
-    """
+    """Refuse columns with words, or with numbers that no float holds."""
     words = next((name for name in columns if not is_numeric_dtype(table[name])), None)
     if words is not None and len(table):
         msg = f"column {words} has values that are not numbers"
@@ -160,12 +155,7 @@ def _check_numbers(table: pd.DataFrame, columns: tuple[str, ...]) -> None:
 
 
 def _check_cells(table: pd.DataFrame) -> None:
-    """Refuse counts from which nothing differs, and a cell that hides another.
-
-    Raises:
-        ValueError: there is one.
-
-    """
+    """Refuse counts from which nothing differs, and a cell that hides another."""
     spoilt = next((name for name in (*COUNTS, *WORK) if not np.all(np.isfinite(table[name]))), None)
     if spoilt is not None:
         msg = f"column {spoilt} has values that are not finite"

@@ -126,14 +126,6 @@ class Decision:
         )
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """How the pairs agree in each quantity; (quantities,) arrays."""
-
-    chance: FloatArray
-    detectable: FloatArray
-
-
 def decide(quantities: Sequence[Pairs]) -> list[Decision]:
     """Return what to believe of each quantity; all are judged together, and have the same pairs.
 
@@ -151,13 +143,12 @@ def decide(quantities: Sequence[Pairs]) -> list[Decision]:
             raise ValueError(msg)
     known = [one for one in quantities if one.independent and len(one.base) and are_times(one.base) and are_times(one.new)]
     pairs = len(known[0].base) if known else 0
-    agreed = agreement(np.array([np.log(one.new / one.base) for one in known]).reshape(len(known), pairs))
-    found = {id(one): pair for one, pair in zip(known, zip(agreed.chance.tolist(), agreed.detectable.tolist(), strict=True), strict=True)}
+    chances, detectable = agreement(np.array([np.log(one.new / one.base) for one in known]).reshape(len(known), pairs))
+    found = {id(one): numbers for one, *numbers in zip(known, chances.tolist(), detectable.tolist(), strict=True)}
     return [_decided(one, *found.get(id(one), (0.0, np.inf))) for one in quantities]
 
 
 def _decided(one: Pairs, chance: float, shown: float) -> Decision:
-    """Decide about one quantity, whose pairs agree by ``chance``."""
     pairs = len(one.base)
     if not (are_times(one.base) and are_times(one.new)):
         return Decision(GateVerdict.UNMEASURABLE, pairs, needed=one.needed)
@@ -198,15 +189,17 @@ def median_rank(count: int) -> int:
     return int(max(np.flatnonzero(held >= _CONFIDENCE), default=0))
 
 
-def agreement(log_ratios: FloatArray) -> Agreement:
-    """Return how pairs agree; ``log_ratios`` is (quantities, pairs), positive where the new side is larger.
+def agreement(log_ratios: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return by which chance pairs agree so, and the ratio that would be believed, of each quantity.
+
+    ``log_ratios`` is (quantities, pairs), positive where the new side is larger.
 
     The measure of agreement is the mean over the root of the mean square, 1 where all pairs show the same: turning signs changes the
     one and not the other. Single pairs of any size cannot decide it.
     """
     count, pairs = log_ratios.shape
     if not count or not pairs:
-        return Agreement(np.ones(count), np.full(count, np.inf))
+        return np.ones(count), np.full(count, np.inf)
     limit = _LARGEST * np.median(np.abs(log_ratios), axis=1, keepdims=True)
     limit[limit <= 0.0] = np.inf
     scaled = np.clip(log_ratios, -limit, limit)
@@ -219,7 +212,7 @@ def agreement(log_ratios: FloatArray) -> Agreement:
         signs[0] = 1.0  # as they are
     largest = np.max(signs @ scaled.T / pairs, axis=1)
     chance = np.mean(largest[:, None] >= scaled.mean(axis=1) - 1e-9, axis=0)
-    return Agreement(chance, _detectable(log_ratios, largest))
+    return chance, _detectable(log_ratios, largest)
 
 
 def _detectable(log_ratios: FloatArray, largest: FloatArray) -> FloatArray:

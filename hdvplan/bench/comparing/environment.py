@@ -21,7 +21,7 @@ from pathlib import Path
 
 from hdvplan.bench.comparing.checkout import Checkout, copy_tree, export, git
 from hdvplan.bench.comparing.processes import Scratch, remove, run
-from hdvplan.bench.comparing.programs import PYTHON, Program, ProgramError, environment, install, is_unreached, pip, present, reason
+from hdvplan.bench.comparing.programs import PYTHON, Program, ProgramError, environment, install, is_unreached, pip, reason
 from hdvplan.errors import OptionError
 from hdvplan.fileio import locked
 from hdvplan.process import is_closed, undisturbed
@@ -83,7 +83,6 @@ def base_named(against: str, here: Checkout | None) -> Base:
 
 
 def _missing(here: Checkout) -> str:
-    """Return what to do about a revision that a checkout lacks."""
     if git(here.top, "rev-parse", "--is-shallow-repository") == "true":
         return "this clone is shallow: without older commits and other branches (GitHub: fetch-depth: 0, GitLab: GIT_DEPTH: 0)"
     return "git branch --all and git tag list the names; git fetch brings what was pushed since"
@@ -147,14 +146,14 @@ def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: C
 
     """
     if here is None:
-        return present("the running hdvplan", PACKAGE.parent)
+        return Program("the running hdvplan", source=PACKAGE.parent)
     if here.is_ours:
-        program = present("the working tree", here.top)
+        program = Program("the working tree", source=here.top)
         _build_core(program, scratch, on_step)
         return program
     package = here.package
     if package is None:
-        return present("the working tree", None, here.top / here.below)
+        return Program("the working tree", folder=here.top / here.below)
     name = "the working tree"
     with _kept(cache, f"new-{_digest(os.fsencode(here.top))}-{_request(here)}") as (folder, ready):
         on_step(f"installing {name}")
@@ -165,13 +164,7 @@ def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: C
 
 
 def _build_core(program: Program, scratch: Scratch, on_step: Callable[[str], None]) -> None:
-    """Compile the C core of a source tree of hdvplan in place, if it has one and that is missing or of other sources.
-
-    Raises:
-        OptionError: what builds it is not installed, which says nothing about the program.
-        ProgramError: it cannot be compiled.
-
-    """
+    """Compile the C core of a source tree of hdvplan in place, if it has one and that is missing or of other sources."""
     if program.source is None or not (program.source / _BUILD).is_file():
         return
     python, variables = str(program.python), program.environment()

@@ -62,7 +62,7 @@ class Program:
     """A program in a separate environment: an interpreter, where it finds packages that are not installed there, and a folder."""
 
     name: str
-    python: Path
+    python: Path = Path(sys.executable)
     source: Path | None = None  # a folder that holds the package hdvplan
     folder: Path | None = None  # where it runs; None: where we do
 
@@ -132,11 +132,6 @@ class Program:
             msg = f"{self.name} cannot be started: the package is {file}"
             raise ProgramError(msg)
         return dict(defaults)
-
-
-def present(name: str, source: Path | None, folder: Path | None = None) -> Program:
-    """Return a program that runs by this interpreter."""
-    return Program(name, Path(sys.executable), source, folder)
 
 
 PYTHON = Path("Scripts/python.exe" if os.name == "nt" else "bin/python")  # in an environment

@@ -109,7 +109,6 @@ _KINDS = {GateVerdict.FINE: None, GateVerdict.REGRESSED: "failure", GateVerdict.
 
 
 def _changed(comparison: Comparison) -> dict[tuple[str, ...], list[Change]]:
-    """Return the changed counters by cell."""
     found: dict[tuple[str, ...], list[Change]] = {}
     for change in comparison.changes:
         found.setdefault(change.cell, []).append(change)
@@ -117,7 +116,6 @@ def _changed(comparison: Comparison) -> dict[tuple[str, ...], list[Change]]:
 
 
 def _counts(changes: Sequence[Change], comparison: Comparison) -> bool:
-    """Tell whether the changed counters of a cell are a regression."""
     return any(change.is_red(expected=comparison.expected) for change in changes)
 
 

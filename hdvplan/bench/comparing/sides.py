@@ -109,7 +109,6 @@ def _folders(path: Path) -> list[Path]:
 
 
 def _side(path: Path, folders: list[Path]) -> Side:
-    """Return what some processes measured."""
     if path.is_file() or (folders[0] / STEPS).is_file():
         return _own_side(folders)
     tables = [_tables(folder) for folder in folders]
@@ -135,7 +134,6 @@ def alike(base: Processes, new: Processes) -> tuple[Processes, Processes]:
 
 
 def _cut(steps: Steps, rounds: int, count: int) -> Steps:
-    """Return the first rounds and steps."""
     return Steps(steps.total[:rounds, :count], steps.outer[:rounds, :count], steps.first[:rounds], steps.s[:count])
 
 
@@ -166,7 +164,6 @@ def times_of(samples: pd.DataFrame) -> dict[Name, Steps]:
 def _told(
     folders: Sequence[Path], processes: Sequence[Mapping[Name, Steps]]
 ) -> tuple[tuple[Mapping[str, float], ...], tuple[Mapping[str, Any], ...]]:
-    """Return what is known of every process as a whole, and its record."""
     abouts = [_said(folder / ABOUT) for folder in folders]
     both = (about | _said(folder / "run.json") for about, folder in zip(abouts, folders, strict=True))
     records = tuple({name: one[name] for name, kind in _RECORDED.items() if isinstance(one.get(name), kind)} for one in both)
@@ -174,7 +171,6 @@ def _told(
 
 
 def _said(file: Path) -> dict[str, Any]:
-    """Return what a file says; nothing where there is none."""
     try:
         found = read_json(file)
     except (FileNotFoundError, NotADirectoryError):  # the side may be a file itself
@@ -219,7 +215,6 @@ def _tables(folder: Path) -> list[pd.DataFrame]:
 
 
 def _own_side(folders: list[Path]) -> Side:
-    """Return a side from what a user's command printed."""
     measured: list[dict[str, OwnSteps]] = []
     for folder in folders:
         file = folder if folder.is_file() else folder / STEPS

@@ -77,13 +77,11 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
 
 
 def _longest(entries: Sequence[Entry], cells: int, what: str) -> str:
-    """Return how many of all cells did ``what``, and which by most."""
     worst = max(entries, key=lambda entry: entry.decision.ratio)
     return f"{len(entries)} of {cells} cells {what}, most {cell_words(worst.cell)}: {worst.decision.ratio:.2f} times as long"
 
 
 def _by_name(entries: Iterable[Entry]) -> dict[str, list[Entry]]:
-    """Return what was decided about, by its name: of all cells, and of each."""
     found: dict[str, list[Entry]] = {}
     for entry in entries:
         found.setdefault(quantity_words(entry), []).append(entry)
@@ -112,7 +110,6 @@ def _and_more(changes: Sequence[Change]) -> str:
 
 
 def _could(unknown: Sequence[Entry], comparison: Comparison) -> str:
-    """Return what could have been seen in spite of the noise."""
     seen = max(max(entry.decision.detectable, entry.decision.high) for entry in unknown)
     return f"; {comparison.processes} pairs would have shown a slowdown of {100.0 * (seen - 1.0):.0f} %" if np.isfinite(seen) else ""
 
@@ -204,7 +201,6 @@ def _notable(found: Iterable[Entry]) -> list[Entry]:
 
 
 def _rows(entries: Iterable[Entry]) -> list[tuple[str, ...]]:
-    """Return cells or whole processes as rows, the largest ratio first."""
     rows = []
     for entry in sorted(entries, key=lambda entry: -entry.decision.ratio if np.isfinite(entry.decision.ratio) else np.inf):
         found = entry.decision
@@ -216,7 +212,6 @@ def _rows(entries: Iterable[Entry]) -> list[tuple[str, ...]]:
 
 
 def _numbers(entry: Entry) -> tuple[str, str, str]:
-    """Return base, new and the quotient of these two, as they are shown."""
     numbers = [f"{entry.decision.base:.5g}", f"{entry.decision.new:.5g}", f"{entry.decision.ratio:.3f}"]
     return tuple("-" if number == "nan" else number for number in numbers)  # type: ignore[return-value] # three
 

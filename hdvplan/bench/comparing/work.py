@@ -141,7 +141,6 @@ def steps_of(report: object) -> dict[str, OwnSteps]:
 
 
 def _benchmark(report: object) -> tuple[str, list[list[object]]]:
-    """Return the name and the rounds [s] of a benchmark of pytest-benchmark, as ``--benchmark-json`` writes it."""
     try:
         return str(report["fullname"]), [[time] for time in report["stats"]["data"]]  # type: ignore[index] # refused below
     except (LookupError, TypeError) as error:

@@ -82,7 +82,6 @@ def with_limits(road: Road, vehicle: Vehicle, suite: Suite, limits: str = AS_SET
 
 
 def _bend(s: FloatArray, curvature: FloatArray, tightest: int) -> float:
-    """Return the arclength of the middle of the bend around the tightest sample [m]."""
     outside = np.flatnonzero(curvature < _PLATEAU * curvature[tightest])
     begin = outside[outside < tightest].max(initial=-1) + 1
     end = outside[outside > tightest].min(initial=len(s)) - 1

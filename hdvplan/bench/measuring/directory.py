@@ -196,14 +196,12 @@ def _remove_parts(directory: Path) -> None:
 
 
 def _conditions(suite: Suite) -> Json:
-    """Return what must not change between the sessions of one run."""
     files = [Path(name) for name in (*suite.roads, *suite.vehicles) if Path(name).is_file()]
     digests = {str(path): digest_of(path) for path in files}
     return {"settings": suite.to_dict(), "files": digests, "software": software(suite.solvers), "machine": machine_facts()}
 
 
 def _difference(before: object, now: object) -> str:
-    """Return the first entry in which two records differ, in words."""
     if not (isinstance(before, dict) and isinstance(now, dict)):
         return f"{_short(before)}, now {_short(now)}"
     name = next(name for name in {**before, **now} if (name in before) != (name in now) or before.get(name) != now.get(name))

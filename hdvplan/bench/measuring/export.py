@@ -130,13 +130,11 @@ def _exact(qp: StageQp) -> StageSolution:
 
 
 def _broken(qp: StageQp, point: StageSolution) -> dict[str, float]:
-    """Return by how much a point breaks the optimality conditions, as the manifest has it."""
     judged, scale = residuals(qp, point), scale_of(point)
     return {"primal": judged.primal, "dual_by_scale": judged.dual / scale, "gap_by_scale": judged.gap / scale}
 
 
 def _listed(one: _Solved, before: _Solved | None) -> dict[str, object]:
-    """Return what the manifest says of a program."""
     recorded = one.recorded
     shift = 0 if before is None else recorded.first - before.recorded.first
     entry = {"name": one.name, "first": recorded.first, "number": recorded.number, "shift": shift, "limits": recorded.limits}
@@ -195,7 +193,6 @@ def _problem(one: _Solved) -> tuple[dict[str, sp.csc_matrix], dict[str, FloatArr
 
 
 def _flat(form: SparseQp, qp: StageQp, point: StageSolution) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return x, y, z and z_box of a point."""
     v, equality, rows, bounds = form.flatten(point)
     if form.elastic:
         bounds[form.sigma_columns] = -np.maximum(_of_slacks(qp, point), 0.0)
@@ -220,7 +217,6 @@ def _acados(directory: Path, name: str, programs: Sequence[_Solved]) -> None:
 
 
 def _stages(qp: StageQp) -> dict[str, object]:
-    """Return a program's blocks as acados names them, field_stage; the first state is an equality among the bounds."""
     shape = qp.shape
     n, m, p, last = shape.states, shape.inputs, shape.rows, shape.stages
     digits = len(str(last + 2))

@@ -62,7 +62,6 @@ class Bench:
         return measure(case, make, budget=self._suite.budget, judged=judged, alive=self._alive)
 
     def _programs(self, index: int) -> list[Program]:
-        """Return the sample of a case's course, which is the same for all solvers."""
         course = index // len(self._suite.solvers)
         if course not in self._recorded:
             if len(self._recorded) >= _COURSES:

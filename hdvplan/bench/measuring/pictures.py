@@ -236,7 +236,6 @@ def share_within(ratios: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def _most_binding(ranked: pd.DataFrame) -> tuple[str, ...]:
-    """Return the course on which limits bind in most steps; nothing where no step was planned."""
     if ranked.empty:
         return ()
     held = ranked.groupby(COURSE, sort=False)["binding"].sum()

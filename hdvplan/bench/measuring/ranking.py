@@ -219,7 +219,6 @@ def _finding(group: pd.DataFrame, load: Load) -> Finding:
 
 
 def _failing(group: pd.DataFrame) -> str:
-    """Return which solvers are out of the running, in words."""
     out = [str(solver) for solver in group.loc[~group["proved"].astype(bool), "solver"]]
     return f"; not ranked with it: {', '.join(out)}" if out else ""
 

@@ -49,7 +49,6 @@ class Watch:
     """Watches one measured drive from when it is made."""
 
     def __init__(self) -> None:
-        """Begin."""
         self._began = _spent()
 
     def fault(self, steps: int) -> str:
@@ -63,7 +62,6 @@ class Watch:
 
 
 def _spent() -> tuple[float, float, int]:
-    """Return clock time, processor time [s] and ``given_away``."""
     return time.perf_counter(), time.process_time(), given_away()
 
 
@@ -86,7 +84,6 @@ def changed_clocks() -> list[str]:
 
 
 def _genuine(found: object, clock: str) -> bool:
-    """Tell whether a function is the clock of that name in C."""
     return isinstance(found, BuiltinFunctionType) and found.__self__ is time and found.__name__ == clock
 
 
@@ -174,7 +171,6 @@ class ReferenceCheck:
     """
 
     def __init__(self, make: WorkspaceMaker, reference: WorkspaceMaker, copied: set[int]) -> None:
-        """Stand between planning and the workspaces that ``make`` makes, and keep what is asked in the steps ``copied``."""
         self._make, self._reference, self._copied = make, reference, copied
         self._step = 0
         self.asked: dict[int, list[Asked]] = {}
@@ -185,7 +181,6 @@ class ReferenceCheck:
         return _CheckedWorkspace(self._make(shape), self._reference(shape), self._found, self._keep)
 
     def _keep(self, qp: StageQp, guess: StageSolution | None) -> None:
-        """Keep what is asked, if that is wanted."""
         if self._step in self._copied:
             self.asked.setdefault(self._step, []).append(Asked(qp.copy(), None if guess is None else guess.copy()))
 

@@ -6,11 +6,11 @@ import gc
 import multiprocessing as mp
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from time import monotonic
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -70,14 +70,13 @@ def run(
 def _measuring(
     suite: Suite, cases: Sequence[Case], makers: Mapping[str, WorkspaceMaker], *, in_process: bool
 ) -> Iterator[Callable[..., Measurement]]:
-    """Provide what measures a cell: a worker, or this process."""
     if in_process:
         try:
             yield Bench(suite, cases, makers, lambda _: None)
         finally:
             gc.unfreeze()
     else:
-        with Workers(suite, cases, makers) as workers:
+        with closing(Workers(suite, cases, makers)) as workers:
             yield workers
 
 
@@ -103,14 +102,10 @@ class Workers:
             for home in set(self._homes.values())
         }
 
-    def __enter__(self) -> Self:
-        """Do nothing yet."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """End the processes."""
         for worker in self._workers.values():
-            worker.__exit__()
+            worker.close()
 
     def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
         """Return the measurement of a case by its own solver or another; see ``Worker``."""
@@ -128,7 +123,7 @@ def _home(name: str, maker: WorkspaceMaker) -> str:
 class Worker:
     """Measures cells in a separate process; call it with a case's index and whether the drive is judged.
 
-    Cases and makers must pickle. Use it in a ``with`` block, which ends the process.
+    Cases and makers must pickle. ``close`` ends the process.
     """
 
     def __init__(self, suite: Suite, cases: Sequence[Case], makers: Mapping[str, WorkspaceMaker]) -> None:
@@ -138,14 +133,6 @@ class Worker:
         self._life = self._context.RawArray("d", 3)
         self._process: Any = None  # of the context's class, which has no public name
         self._pipe: Connection | None = None
-
-    def __enter__(self) -> Self:
-        """Do nothing yet."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End the process."""
-        self._end()
 
     def __call__(self, index: int, *, judged: bool, solver: str | None = None) -> Measurement:
         """Return the measurement of a case by its own solver or another; one without steps where the process did not survive it."""
@@ -166,10 +153,10 @@ class Worker:
                 return self._crashed()
             now, steps = monotonic(), int(self._life[_STEPS])
             if now - self._life[_SINCE] > self._life[_ALLOWED] and self._life[_ALLOWED] < self._suite.cell_limit:
-                self._end()
+                self.close()
                 return ended(HUNG, f"step {steps} took longer than {self._suite.step_limit * (1.0 if steps else FIRST):g} s")
             if now - began > self._suite.cell_limit:
-                self._end()
+                self.close()
                 return ended(HUNG, f"the cell took longer than {self._suite.cell_limit:g} s, and ended after {steps} steps")
 
     def _received(self, pipe: Connection) -> Measurement:
@@ -179,7 +166,7 @@ class Worker:
         raise answer  # a bug of ours: it belongs to the caller
 
     def _start(self) -> Connection:
-        self._end()
+        self.close()
         pipe, theirs = self._context.Pipe()
         process = self._context.Process(
             target=_serve, args=(theirs, self._life, self._suite, self._cases, self._makers), daemon=True, name="hdvplan bench"
@@ -195,18 +182,18 @@ class Worker:
         return pipe
 
     def _crashed(self) -> Measurement:
-        """Return the row of a cell in which the process died, or before which it did."""
         if self._process is None:
             return ended(CRASHED, "the process ended while it was started")
         self._process.join()
         code, steps = int(self._process.exitcode or 0), int(self._life[_STEPS])
-        self._end()
+        self.close()
         name = signal.Signals(-code).name if code < 0 else f"code {code}"
         killed = code == -signal.SIGKILL.value if hasattr(signal, "SIGKILL") else False
         reason = f"the process ended with {name} in step {steps}"
         return ended(OUT_OF_MEMORY, f"{reason}, as systems end what takes too much memory") if killed else ended(CRASHED, reason)
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """End the process; the next cell starts another one."""
         if self._process is not None:
             self._process.kill()
             self._process.join()
@@ -218,7 +205,6 @@ class Worker:
 
 
 def _serve(pipe: Connection, life: Any, suite: Suite, cases: Sequence[Case], makers: Mapping[str, WorkspaceMaker]) -> None:  # noqa: ANN401 - ctypes array
-    """Measure what is asked for until the pipe is closed."""
     serve_parent()
     if suite.memory_limit is not None:
         _limit_memory(suite.memory_limit)
@@ -244,7 +230,6 @@ def _alive(life: Any, suite: Suite) -> Alive:  # noqa: ANN401 - ctypes array
 
 
 def _limit_memory(gigabytes: float) -> None:
-    """Refuse allocations beyond a limit, where the system can."""
     try:
         import resource  # noqa: PLC0415 - not on Windows
     except ImportError:

@@ -8,6 +8,7 @@ programs come with the reference's guesses; where drives are measured, whose gue
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -41,7 +42,7 @@ def tuned(suite: Suite, cases: Sequence[Case], on_progress: Callable[[float], No
     drives = replace(short, sample=0, budget=min(_DRIVE_S, suite.budget))
     every, classes = len(suite.schemes) * len(suite.solvers), suite.classes or (AS_SET,)
     found: dict[str, float | None] = {}
-    with Workers(short, cases, makers) as sampling, Workers(drives, cases, makers) as driving:
+    with closing(Workers(short, cases, makers)) as sampling, closing(Workers(drives, cases, makers)) as driving:
 
         def serves(course: int, solver: str) -> tuple[bool, bool]:
             """Tell whether a solver meets the accuracy on a course, and whether the reference can drive that."""
