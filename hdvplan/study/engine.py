@@ -159,7 +159,6 @@ class _Queue:
         return self._ready.popleft() if self._ready else None
 
     def again(self, cell: Cell, attempt: int) -> None:
-        """Take a cell back for another attempt."""
         self._ready.append((cell, attempt))
 
     def ended(self, cell: Cell) -> None:

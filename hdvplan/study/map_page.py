@@ -90,7 +90,6 @@ class _Gathered:
     unanswered: int = 0
 
     def add(self, road: str, vehicle: str, width: str, word: str, notice: str | None, line: bytes | None) -> None:
-        """Take a cell."""
         names = ((self.roads, road), (self.vehicles, vehicle), (self.widths, width))
         number = tuple(known.setdefault(name, len(known)) for known, name in names)
         course = (number[0], number[1], number[2])

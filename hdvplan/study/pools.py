@@ -59,12 +59,10 @@ class _LocalPool:
         self._pool = self._new()
 
     def submit(self, cell: Cell) -> Future[Outcome]:
-        """Hand a cell to the process that is free first."""
         future: Future[Outcome] = self._pool.schedule(outcome_of, args=(cell,), timeout=self._limit)
         return future
 
     def outcome_of(self, error: BaseException) -> Outcome:
-        """Return what an error of the pool says of a cell."""
         if isinstance(error, TimeoutError):
             return ended(HUNG, f"it took longer than {self._limit:g} s")
         if isinstance(error, pebble.ProcessExpired):
@@ -80,7 +78,6 @@ class _LocalPool:
         return True
 
     def close(self) -> None:
-        """End all processes."""
         _end(self._pool)
 
     def _new(self) -> pebble.ProcessPool:
@@ -166,12 +163,10 @@ class _DaskPool:
             raise HdvplanError(msg, hint="start it, then the same command again: it continues with the cells that are missing") from error
 
     def submit(self, cell: Cell) -> Future[Outcome]:
-        """Hand a cell to the scheduler."""
         future: Future[Outcome] = self._executor.submit(_within, cell, self._limit, self._source)
         return future
 
     def outcome_of(self, error: BaseException) -> Outcome:
-        """Return what an error of Dask's says of a cell."""
         if type(error).__name__ == "KilledWorker":
             return ended(KILLED, f"its workers ended: they were killed, or it took longer than {self._limit:g} s")
         if isinstance(error, CancelledError):
@@ -179,8 +174,7 @@ class _DaskPool:
         return ended(FAILED, f"{type(error).__name__}: {error}")
 
     def renewed(self) -> bool:
-        """Dask replaces what breaks by itself."""
-        return False
+        return False  # Dask replaces what breaks
 
 
 def _within(cell: Cell, limit: float, source: str) -> Outcome:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -71,8 +72,9 @@ def junit_xml(comparison: Comparison, rule: Rule) -> bytes:
     failure = comparison.failure
     kind = None if failure is None else "error" if comparison.verdict is GateVerdict.REGRESSED else "skipped"
     cases.append(("programs", "both run", kind, "" if failure is None else f"{failure.message}\n{failure.tail}"))
+    is_red = partial(Change.is_red, expected=comparison.expected)
     cases += [
-        ("counters", cell_words(cell), "failure" if _counts(changes, comparison) else None, _changed_words(changes))
+        ("counters", cell_words(cell), "failure" if any(map(is_red, changes)) else None, "; ".join(map(change_words, changes)))
         for cell, changes in _changed(comparison).items()
     ]
     cases += [("mean planning step", cell_words(entry.cell), _KINDS[entry.verdict], _words(entry)) for entry in comparison.times]
@@ -113,14 +115,6 @@ def _changed(comparison: Comparison) -> dict[tuple[str, ...], list[Change]]:
     for change in comparison.changes:
         found.setdefault(change.cell, []).append(change)
     return found
-
-
-def _counts(changes: Sequence[Change], comparison: Comparison) -> bool:
-    return any(change.is_red(expected=comparison.expected) for change in changes)
-
-
-def _changed_words(changes: Sequence[Change]) -> str:
-    return "; ".join(map(change_words, changes))
 
 
 def _words(entry: Entry) -> str:

@@ -109,7 +109,6 @@ class _Recorder:
         return self
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
-        """Solve ``qp``; see ``QpWorkspace``."""
         wanted = self._wanted(self.step, self._number)
         cold = guess is None or not any(np.any(part) for part in guess.numbers)  # the planner's memory before its first plan
         known = None if guess is None or cold or not wanted else guess.copy()
@@ -249,7 +248,8 @@ def _solved(workspace: QpWorkspace, one: Program, *, hurried: bool) -> tuple[lis
         "outer_s": wall, "waits": waits,
     }  # fmt: skip
     words = str(result.status), result.reason  # the next solve writes over the point
-    numbers["cold_s"] = np.nan if hurried else _timed(workspace, one.qp, _nothing(workspace, one.qp.shape))[1]
+    nothing = StageSolution.empty(one.qp.shape) if workspace.starts_warm else None  # else it would go on from its last solution
+    numbers["cold_s"] = np.nan if hurried else _timed(workspace, one.qp, nothing)[1]
     return [numbers[name] for name in NUMBERS], *words, distance
 
 
@@ -259,11 +259,6 @@ def _timed(workspace: QpWorkspace, qp: StageQp, guess: StageSolution | None) -> 
     result = workspace.solve(qp, guess)
     took = began.passed()
     return result, took.clock - result.time_aside, took.cpu - result.cpu_aside
-
-
-def _nothing(workspace: QpWorkspace, shape: StageShape) -> StageSolution | None:
-    """Return the start of a cold solve: zeros, where a solver would go on from its last solution otherwise."""
-    return StageSolution.empty(shape) if workspace.starts_warm else None
 
 
 def _drive(case: Case, make: WorkspaceMaker, on_plan: Callable[[Plan], None]) -> None:

@@ -220,7 +220,6 @@ class _CheckedWorkspace:
         self.name, self.starts_warm = inner.name, inner.starts_warm
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
-        """Solve ``qp`` by the solver, then by the reference; see ``QpWorkspace``."""
         self._keep(qp, guess)
         result = self._inner.solve(qp, guess)
         self._found.append(distance_to(qp, result.point, self._reference))
