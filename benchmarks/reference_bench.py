@@ -65,8 +65,7 @@ def _joint(told: Told) -> Quantities:
     pairs = np.arange(told["pairs"])
     ratios = told["uneven"] * np.sin(12.9898 * pairs + 78.233 * np.arange(3)[:, None])
     ratios[0] += np.log(told["larger"])
-    found = agreement(ratios)
-    rows = zip(found.chance, found.detectable, strict=True)
+    rows = zip(*agreement(ratios), strict=True)
     return {
         f"{name} {row}": _number(one) for row, pair in enumerate(rows) for name, one in zip(("chance", "detectable"), pair, strict=True)
     }
