@@ -14,8 +14,7 @@ from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.road import Road
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre
-from hdvplan.turning.templates import load_template
-from hdvplan.turning.turn import turn
+from hdvplan.turning.turn import load_template, turn
 from hdvplan.vehicle.load import load_vehicle
 
 _ROOT = Path(__file__).parents[1]

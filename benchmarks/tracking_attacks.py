@@ -16,8 +16,7 @@ from cases import words, write_results
 
 from hdvplan.api import plan
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.judging.straying import SPACING_M, Chain, chain_of
-from hdvplan.judging.tracked import Tracked
+from hdvplan.judging.straying import SPACING_M, Chain, Tracked, chain_of
 from hdvplan.judging.tracking import tracking_of
 from hdvplan.report.grid import markdown_table
 from tests.tracking.attacks import Motion, strayed

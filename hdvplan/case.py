@@ -13,8 +13,7 @@ import shapely
 
 from hdvplan.errors import RoadError
 from hdvplan.planning.bias import NONE, Bias
-from hdvplan.planning.objective_names import check_objective
-from hdvplan.planning.settings import OBJECTIVE_NAMES, PlannerSettings
+from hdvplan.planning.settings import OBJECTIVE_NAMES, PlannerSettings, check_objective
 from hdvplan.plugins import identity_of, is_reference, name_of
 from hdvplan.road.road import Road
 from hdvplan.settings import of_kind

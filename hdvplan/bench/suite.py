@@ -132,7 +132,7 @@ class Suite:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be measured."""
-        from hdvplan.planning.objective_names import check_objective  # noqa: PLC0415 - as below
+        from hdvplan.planning.settings import check_objective  # noqa: PLC0415 - as below
         from hdvplan.plugins import is_reference  # noqa: PLC0415 - --help needs the fields alone
 
         check(self)

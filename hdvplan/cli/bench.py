@@ -63,7 +63,7 @@ def bench(
     from hdvplan.machine import use_one_thread
 
     one_thread = use_one_thread()  # before anything imports NumPy
-    from hdvplan.planning.objective_names import check_objective
+    from hdvplan.planning.settings import check_objective
     from hdvplan.solvers.registry import check_solver, solver_named
 
     given |= {"limits": False} if options.no_limits else {}

@@ -31,7 +31,7 @@ def vehicles() -> list[str]:
 def templates() -> list[str]:
     """Return the shipped templates of manoeuvres."""
     from hdvplan.turning.reversing.options import Template
-    from hdvplan.turning.templates import template_names
+    from hdvplan.turning.turn import template_names
 
     return [*template_names(), *Template]
 
@@ -47,7 +47,7 @@ def solvers() -> list[str]:
 @_offering
 def objectives() -> list[str]:
     """Return the objectives."""
-    from hdvplan.planning.objective_names import objective_names
+    from hdvplan.planning.settings import objective_names
 
     return objective_names()
 

@@ -113,7 +113,7 @@ def plan(
         s_from, s_to = meeting
         note(f"holds while the other vehicle stays between s = {s_from:z.1f} and {s_to:z.1f} m, as this one drives", quiet=output.quiet)
     check_folder(output.out)
-    from hdvplan.planning.objective_names import check_objective
+    from hdvplan.planning.settings import check_objective
     from hdvplan.solvers.registry import check_solver
 
     check_solver(asked.solver)

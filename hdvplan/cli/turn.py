@@ -21,7 +21,7 @@ from hdvplan.turning.reversing.options import SiteOptions, Template, template_na
 
 if TYPE_CHECKING:
     from hdvplan.turning.manoeuvre import Manoeuvre
-    from hdvplan.turning.templates import Template as TurnTemplate
+    from hdvplan.turning.turn import Template as TurnTemplate
 
 _STEADY = "steady"
 _GUIDE = "front-axle"
@@ -54,7 +54,7 @@ class TurnOptions:
     def wanted(self) -> Manoeuvre | TurnTemplate:
         """Return the manoeuvre that the options describe; an ``OptionError`` where they describe none, or two."""
         from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre
-        from hdvplan.turning.templates import load_template
+        from hdvplan.turning.turn import load_template
 
         if self.template is not None:
             self.refuse_more("copy the template to a file of your own and edit it")
@@ -162,7 +162,7 @@ def answered(template: Template, vehicle: str, site: SiteOptions, output: Output
 
 def _list(*, json: bool) -> int:
     from hdvplan.report.grid import grid
-    from hdvplan.turning.templates import load_template, template_names
+    from hdvplan.turning.turn import load_template, template_names
 
     templates = [load_template(name) for name in template_names()]
     reversals = [{"name": str(one), "reverses": True, "source": one.sentence, "sought": one.sought} for one in Template]

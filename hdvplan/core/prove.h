@@ -115,7 +115,7 @@ struct hdv_cells {
 
 #define HDV_LEADING 0.04 /* cells of |leading heading| in which the room that a trailer leaves is tabulated [rad] */
 
-/* Tables over x = theta - W, from first in steps of step [rad]: hdvplan/proof/articulated.py. */
+/* Tables over x = theta - W, from first in steps of step [rad]: hdvplan/proof/reach.py. */
 struct hdv_coupling {
     double hitch_offset; /* of the leading unit [m] */
     double offset_share; /* |hitch offset| / wheelbase */

@@ -1,6 +1,6 @@
 /* Everything that a vehicle with one trailer can reach along a road.
  *
- * The polygon of a cell holds the offset e of the leading axle and the trailer's W (hdvplan/proof/articulated.py), as
+ * The polygon of a cell holds the offset e of the leading axle and the trailer's W (hdvplan/proof/reach.py), as
  * SCALE W. Between two stations e and W follow an affine map, but for errors that are added to the supports; the
  * polygons that lead to a cell are joined by the largest of their supports. Stations, cells, and what is known of the
  * heading in between are those of a rigid vehicle, see reach_set.c.

@@ -17,8 +17,7 @@ from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import Balance
 from hdvplan.judging.bodies import part_named
 from hdvplan.judging.obstacles import Approach
-from hdvplan.judging.straying import Chain, Posed, chain_of
-from hdvplan.judging.tracked import BRUSH, ROUNDED_M, Tracked
+from hdvplan.judging.straying import BRUSH, ROUNDED_M, Chain, Posed, Tracked, chain_of
 from hdvplan.road.pieces import Kerb, Pieces, pieces_of
 from hdvplan.vehicle.body import axles_behind
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from hdvplan import plugins
 from hdvplan.errors import HdvplanError, OptionError, refused_in
-from hdvplan.planning.objective_names import check_objective, share_of
-from hdvplan.planning.settings import WEIGHTED
+from hdvplan.planning.settings import WEIGHTED, check_objective, share_of
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.balance import EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Reach, Residual

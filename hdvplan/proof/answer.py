@@ -17,8 +17,7 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.fit import Trouble
 from hdvplan.judging.result import Proof, Result
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.proof.articulated import Pair, coupling_of, reachable_with_trailer
-from hdvplan.proof.reach import Grid, Reached, fits, outline_of, reachable, seen_from
+from hdvplan.proof.reach import Grid, Pair, Reached, coupling_of, fits, outline_of, reachable, reachable_with_trailer, seen_from
 from hdvplan.proof.space import Beside, Frame, beside, frame_of
 from hdvplan.road.road import Road
 from hdvplan.vehicle.body import axles_behind

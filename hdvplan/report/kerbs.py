@@ -15,8 +15,7 @@ from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.bodies import corners, judged_to, swept_pieces, united
 from hdvplan.judging.result import Result
-from hdvplan.judging.straying import SPACING_M, Posed, chain_of
-from hdvplan.judging.tracked import BRUSH, Tracked
+from hdvplan.judging.straying import BRUSH, SPACING_M, Posed, Tracked, chain_of
 from hdvplan.road.passages import without_walls
 from hdvplan.road.road import Road
 

@@ -18,8 +18,7 @@ from hdvplan.reproduce.study import NOT_EXPLAINED, Progress, Row, Study
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.manoeuvre import Manoeuvre
 from hdvplan.turning.swept import chart_of, places
-from hdvplan.turning.templates import load_template
-from hdvplan.turning.turn import Turn, turn
+from hdvplan.turning.turn import Turn, load_template, turn
 from hdvplan.vehicle.load import load_vehicle, preset_groups
 from hdvplan.vehicle.model import Unit, Vehicle
 

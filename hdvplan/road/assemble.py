@@ -29,10 +29,9 @@ from hdvplan.road.features import (
     parts_of,
     role_of,
 )
-from hdvplan.road.leg_lines import legs_among
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import unheeded
-from hdvplan.road.properties import with_properties
+from hdvplan.road.properties import legs_among, with_properties
 from hdvplan.road.regions import EDGE, Kind, Region, is_island, walls_of, without_spurs
 from hdvplan.texts import counted, printable, some_of
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from hdvplan.errors import RoadError
 from hdvplan.road.checks import pointed_at, refuse_far, refuse_length, refuse_outliers, refuse_unreadable, text_of
 from hdvplan.road.features import Choice, roles_of
-from hdvplan.road.line import LONG_M, Line, RawRoad, noted_again, smoothed
+from hdvplan.road.line import LONG_M, Line, RawRoad, noted_again, offset_road, reversed_road, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_json import json_object, read_geojson, read_overpass
 from hdvplan.road.load_vector import read_vector
@@ -53,11 +53,9 @@ class Found:
 
     def _driven(self) -> Road:
         if self.line is not None and self.line.windowed:
-            from hdvplan.road.windows import whole_road  # noqa: PLC0415 - as below
+            from hdvplan.road.windows import whole_road  # noqa: PLC0415 - few files need it
 
             return whole_road(self.line)
-        from hdvplan.road.lane import offset_road, reversed_road  # noqa: PLC0415 - as below
-
         road = self.make()
         if self.options.reverse:
             road = reversed_road(road)

@@ -14,8 +14,7 @@ from hdvplan import schema
 from hdvplan.case import content_digest
 from hdvplan.errors import OptionError
 from hdvplan.machine import software
-from hdvplan.planning.objective_names import check_objective
-from hdvplan.planning.settings import LARGEST, OBJECTIVE_NAMES, PlannerSettings, Scheme
+from hdvplan.planning.settings import LARGEST, OBJECTIVE_NAMES, PlannerSettings, Scheme, check_objective
 from hdvplan.plugins import OBJECTIVE, SOLVER, digest_of, identity_of, is_reference, version_of
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Side

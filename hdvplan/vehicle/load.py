@@ -13,8 +13,7 @@ from hdvplan.errors import VehicleError, refused_in
 from hdvplan.lengths import METRES
 from hdvplan.schema import parse_toml, read, read_text
 from hdvplan.texts import did_you_mean, printable
-from hdvplan.vehicle.model import Unit, Vehicle
-from hdvplan.vehicle.turns import tightest
+from hdvplan.vehicle.model import Unit, Vehicle, tightest
 
 _DECIMAL_COMMA = re.compile(r"^\s*\w+\s*=\s*[+-]?\d+,\d+\s*(#.*)?$", re.MULTILINE)
 _ACTIVE, _ACTIVELY = "active", 'steered = "active"'

@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.proof.answer import ROUNDING_M, grid_of
-from hdvplan.proof.articulated import Pair, coupling_of, reachable_with_trailer
-from hdvplan.proof.reach import Grid, Outline, Reached, outline_of, reachable, seen_from
+from hdvplan.proof.reach import Grid, Outline, Pair, Reached, coupling_of, outline_of, reachable, reachable_with_trailer, seen_from
 from hdvplan.proof.space import MOST, Beside, Frame, beside, frame_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road

@@ -12,8 +12,8 @@ import shapely
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.lane import offset_road, reversed_road
 from hdvplan.road.limits import Limits
+from hdvplan.road.line import offset_road, reversed_road
 from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature

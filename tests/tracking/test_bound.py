@@ -10,8 +10,7 @@ from hdvplan import core
 from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.judging.result import Result
-from hdvplan.judging.straying import SPACING_M, Chain, chain_of
-from hdvplan.judging.tracked import BRUSH, Tracked
+from hdvplan.judging.straying import BRUSH, SPACING_M, Chain, Tracked, chain_of
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from tests.tracking.attacks import STEP_M, Driver, strayed

@@ -8,8 +8,7 @@ import pytest
 import hdvplan
 from hdvplan.arrays import Records
 from hdvplan.driving.drive import simulate
-from hdvplan.judging.straying import FINER, SPACING_M, Posed, chain_of
-from hdvplan.judging.tracked import BRUSH, Tracked
+from hdvplan.judging.straying import BRUSH, FINER, SPACING_M, Posed, Tracked, chain_of
 from hdvplan.judging.tracking import Search, pieces_around
 from hdvplan.road.path import evaluate_many
 from hdvplan.vehicle.body import axles_behind

@@ -12,8 +12,7 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ig
 
 from hdvplan.answers import NO, YES, worded
 from hdvplan.report.manoeuvre_plots import turn_figure
-from hdvplan.turning.templates import load_template
-from hdvplan.turning.turn import turn
+from hdvplan.turning.turn import load_template, turn
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli, cli  # noqa: F401 - a fixture
 from tests.report.test_drawings import notes, polylines

@@ -7,8 +7,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.turning.follow import Followed, follow
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre
 from hdvplan.turning.swept import band_of, figures_of
-from hdvplan.turning.templates import load_template
-from hdvplan.turning.turn import turn
+from hdvplan.turning.turn import load_template, turn
 from hdvplan.vehicle.load import load_vehicle, preset_groups
 from hdvplan.vehicle.model import Unit, Vehicle
 

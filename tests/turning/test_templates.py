@@ -5,7 +5,7 @@ import pytest
 
 from hdvplan.errors import OptionError
 from hdvplan.turning.manoeuvre import GuidePoint
-from hdvplan.turning.templates import load_template, parse_template, template_names
+from hdvplan.turning.turn import load_template, parse_template, template_names
 from hdvplan.vehicle.load import load_vehicle
 
 NAMES = {"aashto-180", "aashto-90", "be-1968", "eu-circle", "eu-kingpin", "map21", "pbs-90", "se-25m", "swing-out"}

@@ -1,6 +1,13 @@
-"""The smallest site that a family of manoeuvres was found to fit in: several starts of a global search, each polished locally.
+"""The drives that manoeuvres begin with: half turns by a search, and pulling out of a dock.
 
-What is found is room that suffices. Less may suffice, too: no search of this kind shows that nothing else fits.
+Half turns of one, three or five legs have few parameters: angles of arcs at the least radius, and straights between them. A leg is an arc,
+a straight and an arc; the last leg's first arc completes the half turn. The first leg may swing out to the right before it turns to the
+left, and the last leg straightens from beyond the half turn: tail and front then swing where there is room. The search for the smallest
+site has several starts, each polished locally. What it finds is room that suffices; less may suffice, too.
+
+Backing into a dock is pulling out in reverse. The vehicle drives straight out and turns left at full lock until it is in line with the wall
+and stretched: with a trailer it turns further and back, by the angle that leaves no articulation. There the forward drive along the wall
+ends on which it came. The straight is the shortest with which it passes its neighbours.
 """
 
 from __future__ import annotations
@@ -10,14 +17,64 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.optimize import Bounds, differential_evolution
+from scipy.optimize import Bounds, brentq, differential_evolution
 
 from hdvplan.arrays import FloatArray
-from hdvplan.turning.reversing.half_turns import half_turn
-from hdvplan.turning.reversing.legs import wheels_at_stop
+from hdvplan.errors import TurnError
+from hdvplan.turning.reversing.legs import Draft, DrivenLeg, Strokes, Wheels, articulated, driven, wheels_at_stop
+from hdvplan.turning.reversing.options import Template
 from hdvplan.turning.reversing.polish import Measured, least, measured
-from hdvplan.turning.reversing.sites import Site
+from hdvplan.turning.reversing.sites import Site, dock_heading
 from hdvplan.vehicle.model import Vehicle
+
+_SWING_RAD = 0.9  # how far a leg may turn against the half turn
+_MOST_RAD = 2.4  # that a leg's arc turns
+_STANDS = 2  # parameters that say where a turning head is entered
+
+
+@dataclass(frozen=True)
+class HalfTurn:
+    """The family of half turns with so many ``legs``; parameters lie between ``low`` and ``high`` (n,)."""
+
+    legs: int
+    heading: float  # at its begin [rad]
+    free: bool  # whether its place matters along and across the road, or only its extent
+    low: FloatArray
+    high: FloatArray
+
+    def strokes(self, parameters: FloatArray) -> Strokes:
+        """Return the drives of ``parameters`` (n, candidates)."""
+        count, first = parameters.shape[1], 0 if self.free else _STANDS
+        start = np.zeros((count, 3))
+        start[:, 2] = self.heading
+        start[:, :first] = parameters[:first].T
+        amounts, straight, backward = parameters[first:].T, [], []
+        pattern = (False, True, False)
+        for leg in range(self.legs):
+            straight += [*pattern] if self.legs > 1 else [False, True, False, True, False]
+            backward += [leg % 2 == 1] * (3 if self.legs > 1 else 5)
+        rest = len(straight) - 3  # the arc that completes the half turn
+        turned = np.where(np.delete(np.array(straight), rest), 0.0, amounts).sum(axis=1)
+        return Strokes(start, np.insert(amounts, rest, np.pi - turned, axis=1), tuple(straight), tuple(backward))
+
+    def draft(self, parameters: FloatArray, wheels: Wheels) -> Draft:
+        """Return the drive of ``parameters`` (n,)."""
+        strokes = self.strokes(parameters[:, None])
+        lengths, kappas = np.abs(strokes.lengths(wheels)[0]), strokes.kappas(wheels)[0]
+        return Draft(strokes.start[0], lengths, kappas, np.repeat(np.arange(self.legs), len(lengths) // self.legs))
+
+
+def half_turn(template: Template, vehicle: Vehicle, legs: int) -> HalfTurn:
+    """Return the family of half turns of one, three or five ``legs`` in a site."""
+    length = vehicle.reach_ahead + vehicle.reach_behind
+    begin, end = [(-_SWING_RAD, 0.0), (0.0, length)], [(0.0, length), (-_SWING_RAD, 0.0)]
+    between = [(-_SWING_RAD, _MOST_RAD), (0.0, 1.5 * length), (-_SWING_RAD, _MOST_RAD)]
+    bounds = [*begin, *end] if legs == 1 else [*begin, (0.0, _MOST_RAD), *(between * (legs - 2)), *end]
+    if template is Template.THREE_POINT:
+        return HalfTurn(legs, 0.0, True, *np.array(bounds).T)
+    stands = [(-vehicle.width, vehicle.width), (-2.0 * length, length)]
+    return HalfTurn(legs, 0.5 * np.pi, False, *np.array([*stands, *bounds]).T)
+
 
 _PARTS, _FINER, _FINEST = 8, 48, 500  # of a piece: a quarter turn then bows out by 0.5, 0.013 and 0.0001 % of its radius
 _ENTERED_M = 0.002  # of that, which a polished manoeuvre may take: rounding, and poses that were not looked at
@@ -86,3 +143,68 @@ def _begun(cost: Cost, low: FloatArray, high: FloatArray, rng: np.random.Generat
     none = np.clip(0.0, low, high)
     drawn = np.where(rng.random(drawn.shape) < _NONE, none, drawn)
     return np.asarray(drawn[np.argsort(cost(drawn.T))[: _POPULATION * len(low)]])
+
+
+KEPT_M = 0.002  # from neighbours: more than bodies bow out between two poses
+_FURTHER_RAD = 1.5  # most by which a tractor turns further: the angle of its trailer would have changed sign long before
+_STRETCHED_RAD = 1e-10
+_FOLDED_RAD = 0.5 * np.pi  # articulation at which a trailer's axle stands still
+_EVERY_M = 0.5
+_FOUND_M = 1e-4
+_SCAN_M = 0.25  # between straights that are tried: a longer one may not pass what a shorter one does, along a row at an angle
+
+
+def pull_out(vehicle: Vehicle, site: Site, spacing: float) -> Draft:
+    """Return the forward drive out of a dock with the shortest straight that passes its neighbours, seen at poses ``spacing`` apart [m].
+
+    Raises:
+        TurnError: none was found, however far the vehicle drives straight out, or its trailer folds up.
+
+    """
+    heading, most = dock_heading(site.template), 2.0 * (vehicle.reach_ahead + vehicle.reach_behind)
+    door = np.array([vehicle.reach_behind * np.cos(heading), vehicle.reach_behind * np.sin(heading), heading])
+    arcs = _arcs(vehicle, np.pi - heading)
+
+    def out(straight: float) -> Draft:
+        lengths, kappas = np.array([(straight, 0.0), *arcs]).T
+        return Draft(door, lengths, kappas, np.zeros(len(lengths), dtype=np.int64))
+
+    def at(straight: float) -> DrivenLeg:
+        return driven(vehicle, door, out(straight).pieces(0), spacing)
+
+    def spare(straight: float) -> float:
+        return float(site.gaps(vehicle, at(straight).poses).min()) - site.clearance - KEPT_M
+
+    if np.abs(at(0.0).beta).max(initial=0.0) >= _FOLDED_RAD:
+        msg = f"the {vehicle.name} would push its trailer backwards at full lock"
+        raise TurnError(msg)
+    if spare(0.0) >= 0.0:
+        return out(0.0)
+    passes = next((far for far in np.arange(_SCAN_M, most, _SCAN_M) if spare(float(far)) >= 0.0), None)
+    if passes is None:
+        msg = f"no way was found for the {vehicle.name} out of its dock past its neighbours"
+        raise TurnError(msg, hint="give a larger --door-spacing")
+    return out(float(brentq(spare, passes - _SCAN_M, passes, xtol=_FOUND_M)) + _FOUND_M)
+
+
+def _arcs(vehicle: Vehicle, angle: float) -> tuple[tuple[float, float], ...]:
+    """Return the arcs (length [m], kappa [1/m]) that turn a stretched vehicle to the left by ``angle`` [rad] and stretch it again."""
+    wheels = wheels_at_stop(vehicle)
+    if len(vehicle.units) == 1:
+        return ((angle / wheels.turn, wheels.kappa),)
+
+    def around(further: float) -> tuple[tuple[float, float], ...]:
+        return ((angle + further) / wheels.turn, wheels.kappa), (further / wheels.turn, -wheels.kappa)
+
+    def left_over(further: float) -> float:
+        driven_arcs = [arc for arc in around(further) if arc[0] > 0.0]
+        counts = [max(1, int(np.ceil(length / _EVERY_M))) for length, _ in driven_arcs]
+        angles: FloatArray = articulated(vehicle, driven_arcs, counts, np.zeros(1))[-1]
+        return float(angles[-1, 0])
+
+    if not left_over(0.0) > 0.0 > left_over(_FURTHER_RAD):
+        msg = (
+            f"the trailer of the {vehicle.name} does not come in line with its tractor again within {np.rad2deg(_FURTHER_RAD):.0f} degrees"
+        )
+        raise TurnError(msg)
+    return around(float(brentq(left_over, 0.0, _FURTHER_RAD, xtol=_STRETCHED_RAD)))

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.arrays import BoolArray, FloatArray, Records
-from hdvplan.judging.straying import SPACING_M
-from hdvplan.judging.tracked import BRUSH, STRAY
+from hdvplan.judging.straying import BRUSH, SPACING_M, STRAY
 
 BEFORE_M, ROUNDS, WINDOW_M, REACH_M, NEVER_M, ARCTAN = 150.0, 3, 4.0, 0.5, 1e-9, 0.33
 
