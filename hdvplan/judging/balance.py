@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -108,6 +110,30 @@ def balance_of(drive: Drive) -> Balance:
         near,
         touches,
     )
+
+
+class Place(NamedTuple):
+    """Where a body comes nearest to a kerb or an obstacle, and how near [m]; the rest as in ``Breach``."""
+
+    room: float
+    s: float
+    x: float
+    y: float
+    side: str
+    unit: int
+    part: str
+    region: str | None
+    obstacle: str | None
+
+
+def places_of(vehicle: Vehicle, touches: Touches, near: Sequence[Approach] = ()) -> list[Place]:
+    """Return where bodies come nearest to the kerbs of every side and region, infinitely far from none, and ``near`` to obstacles."""
+    found = []
+    for (side, region), touch in touches.items():
+        unit, at = (int(number) for number in np.unravel_index(np.argmin(touch["gap"]), touch.shape))
+        room, s, x, y, ahead = (float(touch[unit, at][name]) for name in ("gap", "s", "x", "y", "ahead"))
+        found.append(Place(room, s, x, y, side, unit, part_named(vehicle.units[unit], ahead), region, None))
+    return found + [Place(one.distance, one.s, one.x, one.y, one.side, one.unit, one.part, None, one.obstacle.label) for one in near]
 
 
 def gaps_of(touches: Touches) -> Gaps:

@@ -39,7 +39,7 @@ def touches_of(drive: Drive, s: FloatArray, *, wheels_only: bool = False) -> Tou
     else whole bodies; ``wheels_only`` looks at wheels and wheelbase alone. A gap is infinite where no body came near. Empty on a road
     without limits.
     """
-    street = drive.road.kerbs
+    street, path = drive.road.kerbs, drive.stations.path
     if street is None:
         return {}
     own = tuple(kerb for kerb in street.kerbs if kerb.wheels)
@@ -51,7 +51,8 @@ def touches_of(drive: Drive, s: FloatArray, *, wheels_only: bool = False) -> Tou
         regions["sweepable"] = whole
     found: Touches = {}
     for region, kerbs in regions.items():
-        touches = _swept(drive, replace(street, kerbs=kerbs))
+        pieces = replace(street, kerbs=kerbs).pieces(path.s_first, path.s_last)
+        touches = touches_along(drive.vehicle, path, pieces, drive.poses_s, drive.poses_z, drive.poses_kappa)
         for number, side in enumerate(SIDES):
             found[side, region] = _beside(touches[:, :, number], s, street)
     return found
@@ -71,11 +72,6 @@ def half_width_of(drive: Drive, s: FloatArray, half: float) -> tuple[float, Touc
             break
         half -= gap
     return half, touches
-
-
-def _swept(drive: Drive, street: Street) -> Records:
-    path = drive.stations.path
-    return touches_along(drive.vehicle, path, street.pieces(path.s_first, path.s_last), drive.poses_s, drive.poses_z, drive.poses_kappa)
 
 
 def touches_along(vehicle: Vehicle, path: ReferencePath, pieces: Pieces, s: FloatArray, z: FloatArray, kappa: FloatArray) -> Records:

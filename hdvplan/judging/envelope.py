@@ -29,13 +29,11 @@ _core_sweep = core.function(
 class Envelope:
     """The envelope of an executed drive over 0 <= s <= the road's length, where a closed road has what lies beyond either end.
 
-    It is measured when a reach is first asked for: what only looks for room needs none. ``axles_only`` measures the part between each
-    unit's first and last axle, which must stay on the drivable region. A body that reaches beyond the road's centre of curvature lies
-    beside no arclength there, and is left out.
+    It is measured when a reach is first asked for: what only looks for room needs none. A body that reaches beyond the road's centre of
+    curvature lies beside no arclength there, and is left out.
     """
 
     drive: Drive
-    axles_only: bool = False
 
     @cached_property
     def s(self) -> FloatArray:
@@ -72,7 +70,7 @@ class Envelope:
         behind, ahead = drive.vehicle.reach_behind, drive.vehicle.reach_ahead
         before, beyond = (int(np.ceil(reach / SPACING_M)) if closed else 0 for reach in (behind, ahead + behind))
         stations = SPACING_M * np.arange(-before, count + beyond, dtype=np.float64)
-        low, high = _sweep(units, _outlines(units, axles_only=self.axles_only), path, drive.poses_s, drive.poses_z, stations)
+        low, high = _sweep(units, _outlines(units), path, drive.poses_s, drive.poses_z, stations)
         left, right = np.where(np.isfinite(high), high, np.nan), np.where(np.isfinite(low), low, np.nan)
         own = slice(before, before + count)
         for reach, pick in ((left, np.fmax), (right, np.fmin)):
@@ -82,10 +80,9 @@ class Envelope:
         return left[:, own], right[:, own]
 
 
-def _outlines(units: Records, *, axles_only: bool) -> FloatArray:
+def _outlines(units: Records) -> FloatArray:
     """Return closed outlines in body axes, shape (units, points, 2); every body gets as many points as the longest needs."""
-    rear = np.zeros(len(units)) if axles_only else units["rear_overhang"]
-    front = np.minimum(units["wheelbase"], units["front"]) if axles_only else units["front"]
+    rear, front = units["rear_overhang"], units["front"]
     along = int(np.ceil(np.max(front + rear) / SPACING_M)) + 1
     across = int(np.ceil(2.0 * np.max(units["half_width"]) / SPACING_M)) + 1
     outlines = []

@@ -14,7 +14,7 @@ import shapely
 from hdvplan import core
 from hdvplan.arrays import Records
 from hdvplan.driving.drive import Drive
-from hdvplan.judging.balance import Balance
+from hdvplan.judging.balance import Balance, places_of
 from hdvplan.judging.bodies import part_named
 from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.straying import BRUSH, ROUNDED_M, Chain, Posed, Tracked, chain_of
@@ -163,22 +163,13 @@ def tracking_of(drive: Drive, balance: Balance, length: float) -> Tracking | Non
         search = Search(chain, Tracked(chain.vehicle.table(), chain.links, length), pieces_around(drive, balance))
         error, brush, decided = search.largest(most)
     if brush is None:
-        return Tracking(error, length, *_tightest(drive, balance), decided and error < _LARGEST_M)
+        _, s, x, y, _, unit, part, *_ = min(places_of(drive.vehicle, balance.touches, balance.approaches), key=lambda place: place[:4])
+        return Tracking(error, length, s, x, y, unit, part, decided and error < _LARGEST_M)
     at, street = brush[0], drive.road.kerbs
     s, part = float(at["s"]), part_named(drive.vehicle.units[at["unit"]], float(at["ahead"]))
     if street is not None and street.closed:
         s = street.begin + (s - street.begin) % street.length
     return Tracking(error, length, s, float(at["x"]), float(at["y"]), int(at["unit"]), part)
-
-
-def _tightest(drive: Drive, balance: Balance) -> tuple[float, float, float, int, str]:
-    """Return s, x, y, unit and part of the place with the least room."""
-    places = [(near.distance, near.s, near.x, near.y, near.unit, near.part) for near in balance.approaches]
-    for touches in balance.touches.values():
-        unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
-        room, s, x, y, ahead = (float(touches[unit, at][name]) for name in ("gap", "s", "x", "y", "ahead"))
-        places.append((room, s, x, y, unit, part_named(drive.vehicle.units[unit], ahead)))
-    return min(places)[1:]
 
 
 def pieces_around(drive: Drive, balance: Balance) -> list[Pieces]:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from hdvplan.answers import LINE, needs_text, room_text, word_of, worded
 from hdvplan.case import Case
-from hdvplan.judging.balance import KEPT_M
-from hdvplan.judging.bodies import contact, part_named
-from hdvplan.judging.clearance import Touches
+from hdvplan.judging.balance import KEPT_M, Place, places_of
+from hdvplan.judging.bodies import contact
 from hdvplan.judging.result import Proof, Result, body_name
 from hdvplan.judging.sentences import farther_texts
 from hdvplan.road.regions import OPEN_M, called, limit_called
@@ -76,42 +73,16 @@ def verdict_of(result: Result) -> Verdict:
     return found if tracking is None or tracking.error >= wanted else replace(found, strays=(tracking.error, wanted))
 
 
-class _Place(NamedTuple):
-    """Where a body comes nearest to a kerb or an obstacle, and how near [m]; the rest as in ``Verdict``."""
-
-    room: float
-    s: float
-    x: float
-    y: float
-    side: str
-    unit: int
-    part: str
-    region: str | None
-    obstacle: str | None
-
-
 def _found(result: Result) -> Verdict:
-    wanted, places = result.case.settings.clearance, [*_beside(result, result.balance.touches)]
-    places += [
-        _Place(near.distance, near.s, near.x, near.y, near.side, near.unit, near.part, None, near.obstacle.label)
-        for near in result.approaches
-        if near.distance <= OPEN_M
-    ]
-    if not places:
+    wanted, places = result.case.settings.clearance, places_of(result.drive.vehicle, result.balance.touches, result.approaches)
+    known = [place for place in places if place.room <= OPEN_M or (place.obstacle is None and np.isfinite(place.room))]
+    if not known:
         return _needs(result)
-    near = min(places, key=lambda place: place.room)
+    near = min(known, key=lambda place: place.room)
     (room, s, x, y), decides = near[:4], near[4:]
     spare, half = room - wanted, result.balance.half_width
     wheels = result.wheel_room if near.obstacle is None and room < -KEPT_M else None
     return Verdict(spare >= -KEPT_M, spare, wanted, half, s, x, y, result.drive.road.lonlat(x, y), *decides, wheels)
-
-
-def _beside(result: Result, of_kerbs: Touches) -> Iterator[_Place]:
-    for (side, region), touches in of_kerbs.items():
-        unit, at = (int(number) for number in np.unravel_index(np.argmin(touches["gap"]), touches.shape))
-        room, s, x, y, ahead = (float(touches[unit, at][name]) for name in ("gap", "s", "x", "y", "ahead"))
-        if np.isfinite(room):
-            yield _Place(room, s, x, y, side, unit, part_named(result.drive.vehicle.units[unit], ahead), region, None)
 
 
 def verdict_line(result: Result, verdict: Verdict, of: str = "") -> str:
@@ -248,12 +219,12 @@ def amount_text(verdict: Verdict) -> str:
 
 def _needs(result: Result) -> Verdict:
     given, wanted = result.balance.beside_given, result.case.settings.clearance
-    near = _furthest(result) if given is None else min(_beside(result, given[1]), key=lambda place: place.room)
+    near = _furthest(result) if given is None else min(places_of(result.drive.vehicle, given[1]), key=lambda place: place.room)
     half, lonlat = result.balance.half_width + wanted, result.drive.road.lonlat(near.x, near.y)
     return Verdict(None, None, wanted, half, near.s, near.x, near.y, lonlat, near.side, near.unit, near.part, None, None, None)
 
 
-def _furthest(result: Result) -> _Place:
+def _furthest(result: Result) -> Place:
     """Return where a body reaches furthest from the driven line."""
     envelope = result.envelope
     left, right = envelope.left, -envelope.right
@@ -262,7 +233,7 @@ def _furthest(result: Result) -> _Place:
     unit, at = (int(number) for number in np.unravel_index(np.nanargmax(reach), reach.shape))
     most, s = float(reach[unit, at]), float(envelope.s[at])
     x, y = (float(of[0]) for of in result.drive.stations.path.to_plane(np.array([s]), np.array([most if side == "left" else -most])))
-    return _Place(-most, s, x, y, side, unit, contact(result.drive, unit, side, s), None, None)
+    return Place(-most, s, x, y, side, unit, contact(result.drive, unit, side, s), None, None)
 
 
 def _against(result: Result, verdict: Verdict) -> str:

@@ -140,7 +140,6 @@ def record_of(routes: Sequence[Route], source: str, kind: str, widths: Widths) -
 
 
 def _table(routes: Sequence[Route]) -> dict[str, Column]:
-    """Return the report, one row a route."""
     cells = [
         {
             "relation": route.relation.id,

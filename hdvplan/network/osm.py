@@ -133,7 +133,6 @@ def _tags(one: Any) -> dict[str, str]:  # noqa: ANN401 - an object of osmium
 
 
 def _chosen(source: _Source, kind: str, refs: tuple[str, ...]) -> list[Relation]:
-    """Return the routes of a kind with one of the refs."""
     name, kinds, of_kind = source.path.name, Counter[str](), list[Relation]()
     for relation in source.relations(("route",)):  # of all kinds: only one is kept
         if relation.tags.get("type", "route") == "route":
@@ -173,7 +172,6 @@ def _members(relation: Relation, known: Mapping[int, Relation], above: tuple[int
 
 
 def _driven(relation: Relation) -> list[Member]:
-    """Return the members of a relation that are driven."""
     return [member for member in relation.members if member.kind in {"w", "r"} and not member.role.startswith(_NOT_DRIVEN)]
 
 

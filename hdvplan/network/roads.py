@@ -125,7 +125,7 @@ def road_of_part(route: Relation, part: Part, at: Position, places: Places, widt
     The line is the ways' own vertices, longitude and latitude; where the width changes, a vertex is there twice. Limits, half the width to
     either side of the line, are in it where every stretch has one.
     """
-    s = _lengths(_lonlat(part, places))
+    s = chord_of(to_plane(_lonlat(part, places)).points)  # in the plane in which hdvplan will load it
     limited = float(sum(s[one.end] - s[one.first] for one in _sections(part, s, widths) if one.half_width is not None))
     return RouteRoad(_file_name(route, at), float(s[-1]), limited, partial(_content, route, part, at, places, widths, source, s))
 
@@ -159,11 +159,6 @@ def _content(route: Relation, part: Part, at: Position, places: Places, widths: 
 
 def _lonlat(part: Part, places: Places) -> FloatArray:
     return np.array([places[node] for node in part.nodes])
-
-
-def _lengths(lonlat: FloatArray) -> FloatArray:
-    """Return the length along a line at its vertices, in the plane in which hdvplan will load it [m]."""
-    return chord_of(to_plane(lonlat).points)
 
 
 def _sections(part: Part, s: FloatArray, widths: Widths) -> list[_Section]:

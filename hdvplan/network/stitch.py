@@ -136,7 +136,6 @@ def _ways(count: int) -> str:
 
 
 def _remarks(one: Pass, places: Places) -> Iterator[Finding]:
-    """Return what is odd about how a way is driven."""
     name, place, way = f"way {one.step.way.id}", places[one.nodes[0]], one.step.way
     if len(one.nodes) == 1:
         yield Finding(Trouble.LEFT_OUT, f"the route leaves {name} where it enters it: nothing of it is driven", place)

@@ -87,7 +87,6 @@ def _passed(case: Case, passage: Passage, option: Options, side: Side, trials: t
 
 
 def _groups(numbers: Sequence[int], passages: Sequence[Passage], near: float) -> list[list[int]]:
-    """Return the numbers of passages grouped where neighbours are less than ``near`` [m] apart."""
     groups: list[list[int]] = []
     end = -np.inf
     for number in numbers:

@@ -126,17 +126,14 @@ def _joined(paths: Sequence[ReferencePath]) -> tuple[ReferencePath, FloatArray]:
 
 
 def _arrays(centring: Centring) -> dict[str, Any]:
-    """Return its fields that have a row a station."""
     return {field.name: getattr(centring, field.name) for field in fields(centring) if field.name != "axle"}
 
 
 def _picked(centring: Centring, which: slice | IntArray) -> Centring:
-    """Return the balanced driving at some of its stations."""
     return replace(centring, **{name: rows[which] for name, rows in _arrays(centring).items()})
 
 
 def _behind_each_other(parts: Sequence[Centring]) -> Centring:
-    """Return the balanced driving at the stations of one after the other."""
     rows = [_arrays(part) for part in parts]
     joined: dict[str, Any] = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
     return replace(parts[0], **joined)

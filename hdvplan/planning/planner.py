@@ -261,13 +261,11 @@ class Planner:
         return StageSolution(self._points.stages[self._window()], self._points.row_points[self._window()])
 
     def _footless(self, station: int) -> PlanError:
-        """Return the error of a stage with a point that has no foot."""
         s, name = float(self._scene.stations.s[station]), self._scene.vehicle.name
         msg = f"at s = {s:z.1f} m a point of the {name} lies beyond the road's centre of curvature: the road bends too tightly for it"
         return PlanError(msg, s_m=s, hint="smooth the road more (--smooth), or plan with a shorter vehicle")
 
     def _unsolved(self, status: Status, reason: str, station: int, *, first_plan: bool) -> SolverError:
-        """Return the error of a step without a motion that could be driven."""
         s, why = float(self._scene.stations.s[station]), f" ({reason})" if reason else ""
         what = "the first plan could not be solved" if first_plan else "no plan was solved since what the last one covered"
         msg = f"at s = {s:z.1f} m {what}: {self._judge.name} says {status}{why}, primal residual {self._residuals().primal:.2g}"

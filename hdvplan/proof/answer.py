@@ -155,7 +155,6 @@ def follower(road: Road, vehicle: Vehicle) -> Follow | None:
 
 
 def _two_regions(road: Road) -> bool:
-    """Tell whether wheels have less room than bodies."""
     return road.kerbs is not None and road.kerbs.two_regions
 
 

@@ -65,7 +65,7 @@ class Around(NamedTuple):
 
 def around(space: Beside, reach: float, *, two_regions: bool) -> Around:
     """Return memory for what bodies within ``reach`` [m] of the axle can touch; ``two_regions``: wheels have less room than bodies."""
-    bins = bins_for(reach)
+    bins = 2 * int(np.ceil((reach + 3.0 * BIN_M) / BIN_M)) + 2  # of u: they hold all points within reach
     rows = map(core.address, (space.areas, space.begin, space.caps, space.kerbs.record, space.blocked, space.corners))
     sizes = (len(space.s) - 1, len(space.blocked), len(space.corners))
     beside_ = np.array([(*rows, space.s[0], STRETCH_M, *sizes)], _BESIDE)
@@ -189,8 +189,3 @@ def _blocked(obstacles: Sequence[shapely.Polygon], room: float) -> tuple[FloatAr
     # A chord of an arc lies inside a larger obstacle; corners of a smaller one stay corners.
     moved = list(shapely.buffer(obstacles, -room, quad_segs=16, join_style="mitre" if room > 0.0 else "round"))
     return _triangles(moved)[0], shapely.get_coordinates(moved)
-
-
-def bins_for(reach: float) -> int:
-    """Return how many bins of u hold all points within ``reach`` [m] of the axle."""
-    return 2 * int(np.ceil((reach + 3.0 * BIN_M) / BIN_M)) + 2

@@ -22,7 +22,7 @@ from hdvplan.report.style import ON_WHITE, styled, write_head
 from hdvplan.turning.follow import Followed
 from hdvplan.turning.reversing import words
 from hdvplan.turning.reversing.answer import Answer
-from hdvplan.turning.reversing.blocks import unit
+from hdvplan.turning.reversing.sites import unit
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.turn import Turn, verdict
 from hdvplan.vehicle.body import corners_at

@@ -154,7 +154,6 @@ def _walls(features: list[Feature], beside: Beside, name: str) -> tuple[list[Reg
 
 
 def _lines(features: list[Feature], name: str) -> list[_Line]:
-    """Return every line feature."""
     return [
         _Line(feature, parts_of(geometry, name)) for feature in features for geometry in flat(feature.geometry) if geometry["type"] in LINES
     ]

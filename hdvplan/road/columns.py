@@ -87,29 +87,20 @@ def has_geometry(titles: list[str]) -> bool:
     return any(folded(title) in _GEOMETRY for title in titles)
 
 
-def meaning_of(title: str) -> str | None:
-    """Return what a column is called here by any of its spellings, such as ``lon`` for ``Longitude``; None if it is unknown."""
-    return _MEANINGS.get(_named(title)[0])
-
-
-def metres_of(title: str) -> float:
-    """Return how long the unit is that a column's title says; without any, a metre."""
-    return METRES[_named(title)[1] or "m"]
-
-
 def named_among(title: str, known: Collection[str], angles: Collection[str]) -> tuple[str, float]:
     """Return a column's name, one of the ``known`` and of ``angles`` if it is a spelling of one, and its unit in metres or radians.
 
     ``Yaw [deg]`` and ``heading_deg`` are ``heading`` in degrees; an angle without a unit is in radians.
     """
-    name, own = folded(title), meaning_of(title) or ""
+    name, (named, length) = folded(title), _named(title)
     base, _, suffix = name.rpartition("_")
     bracket = re.search(r"[\[(]\s*(\w+|°)", title)
     angle, unit = (base, suffix) if suffix in _ANGLES else (name, bracket[1].casefold() if bracket else "")
     angle = "heading" if angle in _HEADINGS else angle
     if angle in angles:
         return angle, _ANGLES.get(unit, 1.0)
-    return own if own in known else name.removesuffix("_m"), metres_of(title)
+    own = _MEANINGS.get(named, "")
+    return own if own in known else name.removesuffix("_m"), METRES[length or "m"]
 
 
 def columns_of(titles: list[str], where: str) -> Columns:

@@ -117,7 +117,6 @@ def _distinct(points: FloatArray, *, closed: bool) -> IntArray:
 
 
 def _chain(points: FloatArray, *, closed: bool) -> _Chain:
-    """Return distinct points with their chords."""
     chord = np.roll(points, -1, axis=0) - points
     direction = np.arctan2(chord[:, 1], chord[:, 0])
     turn = wrapped(direction - np.roll(direction, 1))

@@ -13,9 +13,10 @@ from hdvplan.arrays import FloatArray, carried, chord_of
 from hdvplan.errors import RoadError
 from hdvplan.road.arcs import wrapped
 from hdvplan.road.legs import SAME_M, Leg
-from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
+from hdvplan.road.passages import normals
+from hdvplan.road.path import KNOT_SPACING_M, ReferencePath
 from hdvplan.road.road import Road
-from hdvplan.road.splines import equal_arclengths
+from hdvplan.road.splines import path_along
 
 LARGEST_BREAK = np.deg2rad(15.0)  # of two lines drawn by hand; of more one of them is meant otherwise
 _WRONG_WAY = np.deg2rad(120.0)  # from which on a direction is wrong, not a line
@@ -120,7 +121,6 @@ def _note(cusp: _Cusp, number: int, off: float) -> str:
 
 
 def _off(path: ReferencePath, moved: ReferencePath) -> float:
-    """Return how far a line was moved at most [m]."""
     share = np.linspace(0.0, 1.0, max(2, int(path.length / _SAMPLES_M)))
     here, there = path.at(share * path.length), moved.at(share * moved.length)
     return float(np.max(np.hypot(there.x - here.x, there.y - here.y)))
@@ -131,25 +131,16 @@ def _moved(road: Road, low: _End, high: _End) -> Road:
     path = road.path
     s = np.linspace(0.0, path.length, max(8, int(np.ceil(path.length / _SAMPLES_M))) + 1)
     here, blend = path.at(s), min(_BLEND_M, 0.5 * path.length)
-    points = np.stack([here.x, here.y], axis=1)
-    normal = np.stack([-np.sin(here.heading), np.cos(here.heading)], axis=1)
+    points, normal = normals(here)
     for end, inwards, turn in ((low, s, low.turn), (high, path.length - s, -high.turn)):
         u = np.minimum(inwards / blend, 1.0)  # the quintics end with no slope and no curvature
         points += (1.0 - u**3 * (10.0 - 15.0 * u + 6.0 * u**2))[:, None] * end.move
         points += (np.tan(turn) * blend * (u - 6.0 * u**3 + 8.0 * u**4 - 3.0 * u**5))[:, None] * normal
-    moved, along = _through(points, (float(here.heading[0]) + low.turn, float(here.heading[-1]) + high.turn))
+    headings = float(here.heading[0]) + low.turn, float(here.heading[-1]) + high.turn
+    first, last = (np.array([np.cos(heading), np.sin(heading)]) for heading in headings)
+    spline = CubicSpline(chord_of(points), points, bc_type=((1, first), (1, last)))
+    moved, along, _ = path_along(spline, KNOT_SPACING_M)
     about = None if road.about is None else replace(road.about, s=np.interp(road.about.s, s, along))
     drawn = None if road.drawn is None else tuple(replace(kerb, s=carried(kerb.s, s, along)) for kerb in road.drawn)
     there = replace(road, path=moved, about=about)
     return there if drawn is None else there.with_kerbs(drawn)
-
-
-def _through(points: FloatArray, headings: tuple[float, float]) -> tuple[ReferencePath, FloatArray]:
-    """Return the path through dense points (n, 2) [m] with these headings at its ends [rad], and the points' arclengths on it [m]."""
-    chord = chord_of(points)
-    first, last = (np.array([np.cos(heading), np.sin(heading)]) for heading in headings)
-    spline = CubicSpline(chord, points, bc_type=((1, first), (1, last)))
-    parameters, s = equal_arclengths(spline, KNOT_SPACING_M)
-    (x, y), (dx, dy), (ddx, ddy) = (spline(parameters, order).T for order in range(3))
-    curvature = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
-    return from_samples(x, y, np.arctan2(dy, dx), curvature, float(s[-1]) / (len(parameters) - 1)), s

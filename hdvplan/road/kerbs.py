@@ -141,7 +141,6 @@ def _offset(points: FloatArray, number: FloatArray, sharp: BoolArray, reach: Flo
 
 
 def _between(places: FloatArray, numbers: FloatArray, first: float, last: float) -> tuple[FloatArray, FloatArray]:
-    """Return the part of a kerb between two numbers."""
     first, last = max(first, numbers[0]), min(last, numbers[-1])
     if last <= first:
         return places[:0], numbers[:0]
@@ -294,5 +293,4 @@ def _arc(legs: Sequence[BaseGeometry], radius: float) -> shapely.Point | None:
 
 
 def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return cross products of vectors in the last axis."""
     return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])

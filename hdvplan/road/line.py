@@ -230,7 +230,7 @@ def offset_road(road: Road, offset: float) -> Road:
     if limits is not None:
         columns = (limits.left, limits.right, limits.left_sweep, limits.right_sweep)
         nodes = np.union1d(limits.s, s[[0, -1]])  # enough: limits are linear in s, and s' is linear where the road is not bent
-        nodes = np.union1d(nodes, s[np.abs(here.curvature) > 0.0]) if _varies(columns) else nodes
+        nodes = np.union1d(nodes, s[np.abs(here.curvature) > 0.0]) if any(np.ptp(column) > 0.0 for column in columns) else nodes
         limits = Limits(np.interp(nodes, s, along), *(np.interp(nodes, limits.s, column) - offset for column in columns))
         _refuse_outside(limits, offset)
     if smoothing is not None:
@@ -255,10 +255,6 @@ def _refuse_outside(limits: Limits, offset: float) -> None:
             at = float(limits.s[np.argmax(beyond)])
             msg = f"an offset of {offset:g} m lies beyond the road's own {side} limit at s = {at:z.1f} m"
             raise RoadError(msg, s_m=at, hint="choose a smaller --offset; left is positive")
-
-
-def _varies(columns: tuple[FloatArray, ...]) -> bool:
-    return any(bool(np.ptp(column) > 0.0) for column in columns)
 
 
 def _moved(path: ReferencePath, offset: float, s: FloatArray, along: FloatArray) -> ReferencePath:

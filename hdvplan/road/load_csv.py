@@ -129,7 +129,6 @@ def read_table(table: Table, name: str, *, crs: str | None = None, unit: str | N
 
 
 def _line_in(table: Table, name: str, *, crs: str | None, unit: str | None) -> RawRoad:
-    """Return the line in a table of points."""
     columns = columns_of(table.titles, name)
     numbers = _numbers(table, columns.at, name)
     positions, called = columns.position, f"{name}: columns {columns.where}"

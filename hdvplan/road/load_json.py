@@ -85,7 +85,8 @@ def read_overpass(document: Json, name: str, *, choice: Choice) -> RawRoad:
 
     """
     elements = [element for element in document["elements"] if isinstance(element, dict)] if isinstance(document["elements"], list) else []
-    nodes = {element.get("id"): [element.get("lon"), element.get("lat")] for element in elements if _is_node(element)}
+    named = [element for element in elements if element.get("type") == "node" and isinstance(element.get("id"), int)]
+    nodes = {element["id"]: [element.get("lon"), element.get("lat")] for element in named}
     features = []
     for element in elements:
         geometry = _geometry(element, nodes)
@@ -123,7 +124,3 @@ def _points(way: Json, nodes: dict[Any, list[Any]]) -> list[list[Any]]:
     if not isinstance(numbers, list) or not all(isinstance(number, int) and number in nodes for number in numbers):
         return []
     return [nodes[number] for number in numbers]
-
-
-def _is_node(element: Json) -> bool:
-    return element.get("type") == "node" and isinstance(element.get("id"), int)

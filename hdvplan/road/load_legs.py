@@ -113,7 +113,6 @@ def _of(name: str, error: RoadError) -> RoadError:
 
 
 def _turned(raw: RawRoad) -> RawRoad:
-    """Return a line drawn the other way."""
     reaches = None if raw.reaches is None else raw.reaches[[1, 0, 3, 2], ::-1]
     return replace(raw, points=raw.points[::-1], reaches=reaches, lines=None if raw.lines is None else raw.lines[::-1])
 

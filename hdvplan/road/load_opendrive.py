@@ -70,6 +70,10 @@ class _Piece:
         sides = [self.road.edges(self.section, lane, s)[1] if lane else self.road.offset.at(s) for lane in _outermost(self.section)]
         return np.stack([np.zeros_like(sides[0]), *sides])
 
+    def at_end(self, *, first: bool) -> bool:
+        """Tell whether it is the first piece of its road in its driving direction, or the last."""
+        return self.section is self.road.sections[0 if first is self.forward else -1]
+
     def ends(self) -> tuple[FloatArray, FloatArray]:
         """Return x, y, heading where the middle begins and where it ends in its driving direction."""
         points, heading, _ = self._at(np.array([self.section.start, self.section.end - 2.0 * SAME_M]))
@@ -114,7 +118,8 @@ def read_opendrive(path: Path, *, road_ids: str | Sequence[str] | None, lane: in
         msg = f"{name}: a lane on the way has no direction somewhere: it passes through the centre of a bend, or its curve stands still"
         raise RoadError(msg, hint="choose other roads or another lane with --road-ids and --lane")
     middle = points[0]
-    driven = ", ".join(f"{'' if piece.forward else '-'}{piece.road.number} lane {piece.lane}" for piece in _first_of_each(route))
+    entered = [piece for before, piece in zip([None, *route], route, strict=False) if before is None or before.road is not piece.road]
+    driven = ", ".join(f"{'' if piece.forward else '-'}{piece.road.number} lane {piece.lane}" for piece in entered)
     raw = RawRoad(middle, sides=points[1:], rounded=rounded(middle, heading, curvature), notes=(f"{name}: over roads {driven}",))
     if projection is None or any(words in projection for words in _NOWHERE):
         return raw
@@ -159,13 +164,9 @@ def _pieces(roads: dict[str, OdrRoad], *, reference: bool) -> list[_Piece]:
     return found
 
 
-def _first_of_each(route: list[_Piece]) -> list[_Piece]:
-    return [piece for before, piece in zip([None, *route], route, strict=False) if before is None or before.road is not piece.road]
-
-
 def _route(pieces: list[_Piece], stops: list[_Stop], lane: int | None, name: str) -> list[_Piece]:
     """Return the lanes that lead from the start of the first stop to the end of the last one."""
-    starts = [piece for piece in pieces if stops[0].holds(piece) and _is_first(piece)]
+    starts = [piece for piece in pieces if stops[0].holds(piece) and piece.at_end(first=True)]
     wanted = [piece for piece in starts if lane is None or piece.lane == lane]
     if not wanted:
         there = f"; there are {', '.join(str(piece.lane) for piece in starts)}" if starts else " that is driven this way"
@@ -179,14 +180,6 @@ def _route(pieces: list[_Piece], stops: list[_Stop], lane: int | None, name: str
     ids = ", ".join(stop.road for stop in stops)
     msg = f"{name}: no lane leads over roads {ids} in this order"
     raise RoadError(msg, hint="a minus sign drives a road from its end; lanes are not changed on the way")
-
-
-def _is_first(piece: _Piece) -> bool:
-    return piece.section is piece.road.sections[0 if piece.forward else -1]
-
-
-def _is_last(piece: _Piece) -> bool:
-    return piece.section is piece.road.sections[-1 if piece.forward else 0]
 
 
 def _continuations(pieces: list[_Piece]) -> list[list[int]]:
@@ -222,7 +215,7 @@ def _shortest(pieces: list[_Piece], after: list[list[int]], start: _Piece, stops
     while queue:
         length, number, passed, chain = heapq.heappop(queue)
         piece = pieces[number]
-        if passed == len(stops) and stops[-1].holds(piece) and _is_last(piece):
+        if passed == len(stops) and stops[-1].holds(piece) and piece.at_end(first=False):
             return [pieces[index] for index in chain]
         if (number, passed) in done:
             continue

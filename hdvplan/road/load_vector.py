@@ -175,7 +175,6 @@ def _layers(source: _Source) -> list[tuple[str, str | None, str]]:
 
 
 def _features(source: _Source, layer: str, system: str | None, driver: str) -> list[Feature]:
-    """Return the lines and polygons of a layer."""
     titles, numbers, shapes, columns = source.read(layer)
     if shapes is None:
         return []

@@ -72,13 +72,17 @@ def path_through(points: FloatArray, max_curvature: float) -> tuple[ReferencePat
     check_length(float(chord[-1]))
     kept = np.unique(np.append(np.searchsorted(chord, np.arange(0.0, chord[-1] - 0.5 * _EXACT_M, _EXACT_M)), len(points) - 1))
     spline = spline_through(chord[kept], points[kept], closed=False)
-    parameters, s = equal_arclengths(spline, _EXACT_M)
+    path, s, tightest = path_along(spline, _EXACT_M)
+    return None if tightest > max_curvature else (path, np.interp(chord, chord[kept], s))
+
+
+def path_along(spline: CubicSpline[np.float64], spacing: float) -> tuple[ReferencePath, FloatArray, float]:
+    """Return the path along an open plane spline, the arclengths of its knots [m], and the largest curvature of the path's knots [1/m]."""
+    parameters, s = equal_arclengths(spline, spacing)
     (x, y), (dx, dy), (ddx, ddy) = (spline(parameters, order).T for order in range(3))
     curvature = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
-    if np.max(np.abs(curvature)) > max_curvature:
-        return None
     path = from_samples(x, y, np.arctan2(dy, dx), curvature, float(s[-1]) / (len(parameters) - 1))
-    return path, np.interp(chord, chord[kept], s)
+    return path, s, float(np.max(np.abs(curvature)))
 
 
 def pursued(points: FloatArray, curvature: float) -> Iterator[tuple[FloatArray, FloatArray]]:

@@ -8,7 +8,6 @@ smoothly over the borders, where the cross-sections through the centre lie.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -103,16 +102,8 @@ def counted(driven: Followed) -> BoolArray:
 def places(driven: Followed, chart: Chart, unit: int, ahead: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return t and e of body points of ``unit`` at all poses, (n, len(ahead)) each [m]."""
     begun = driven.path.starts[int(np.argmax(np.max(driven.path.pieces[:, 1:], axis=1) > 0.0))]
-    units = driven.vehicle.units
-    behind = sum(front.hitch_offset + back.wheelbase for front, back in pairwise(units[: unit + 1]))
-    near = driven.s[:, None] - begun + ahead - behind - units[0].wheelbase
+    near = driven.s[:, None] - begun + ahead - driven.vehicle.behind[unit] - driven.vehicle.lead.wheelbase
     return chart.seen(driven.points(unit, ahead, left), near)
-
-
-def front_track(driven: Followed, chart: Chart) -> tuple[FloatArray, FloatArray]:
-    """Return t and e of the middle of the front axle at all poses, (n,) each [m]."""
-    t, e = places(driven, chart, 0, np.array([driven.vehicle.lead.wheelbase]), np.zeros(1))
-    return t[:, 0], e[:, 0]
 
 
 def band_of(driven: Followed) -> Band:
@@ -255,7 +246,7 @@ def _radii(driven: Followed, chart: Chart, poses: BoolArray, unit: int, outer: F
 
 def _off_tracking(driven: Followed, chart: Chart, poses: BoolArray) -> tuple[float, ...]:
     zero = np.zeros(1)
-    front_t, front_e = front_track(driven, chart)
+    front_t, front_e = (row[:, 0] for row in places(driven, chart, 0, np.array([driven.vehicle.lead.wheelbase]), zero))
     found = []
     for unit in range(len(driven.vehicle.units)):
         t, e = places(driven, chart, unit, zero, zero)

@@ -25,8 +25,7 @@ EDGE_POINT = core.record("hdv_edge_point")
 
 def axles_behind(vehicle: Vehicle) -> FloatArray:
     """Return every axle's distance behind the lead rear axle on a straight, shape (units,) [m]."""
-    steps = [ahead.hitch_offset + unit.wheelbase for ahead, unit in zip(vehicle.units, vehicle.units[1:], strict=False)]
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return np.array(vehicle.behind)
 
 
 def auxiliary_ahead(vehicle: Vehicle, axle: int) -> float:

@@ -157,7 +157,8 @@ def _parsed(text: str, default_name: str) -> tuple[Vehicle, _UnitTable]:
     name = printable(str(document.get("name", default_name)))
     _check_name(name, f"vehicle {name[:_LONGEST_NAME]!r}")
     table = read(_VehicleTable, document, f"vehicle {name!r}", VehicleError)
-    tables = [_in_metres(one, METRES[table.length_unit]) for one in table.unit]
+    metres = METRES[table.length_unit]
+    tables = [replace(one, **{key: metres * getattr(one, key) for key in _given(one, _LENGTHS)}) for one in table.unit]
     units = tuple(_unit(one, number, f"vehicle {name!r}, unit {number}") for number, one in enumerate(tables, start=1))
     if not units:
         return Vehicle(name, ()), _UnitTable(0.0, 0.0)  # which is refused
@@ -178,12 +179,7 @@ def _parsed(text: str, default_name: str) -> tuple[Vehicle, _UnitTable]:
 
 
 def _given(table: _UnitTable, keys: Sequence[str]) -> list[str]:
-    """Return which of these entries are there."""
     return [key for key in keys if getattr(table, key) is not None]
-
-
-def _in_metres(table: _UnitTable, metres: float) -> _UnitTable:
-    return replace(table, **{key: metres * getattr(table, key) for key in _given(table, _LENGTHS)})
 
 
 def _presets() -> resources.abc.Traversable:
@@ -217,7 +213,6 @@ def _unit(table: _UnitTable, number: int, where: str) -> Unit:
 
 
 def _check_name(name: str, where: str) -> None:
-    """Refuse a name that no picture and no file can be called by."""
     if len(name) > _LONGEST_NAME:
         msg = f"{where}: the name has {len(name)} letters; at most {_LONGEST_NAME} are drawn"
         raise VehicleError(msg, field="name", hint="give a shorter name")

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from itertools import accumulate, pairwise
 from numbers import Real
 
 import numpy as np
@@ -170,22 +171,19 @@ class Vehicle:
         return max(unit.width for unit in self.units)
 
     @property
+    def behind(self) -> tuple[float, ...]:
+        """Every axle's distance behind the lead rear axle on a straight [m]."""
+        return tuple(accumulate((ahead.hitch_offset + unit.wheelbase for ahead, unit in pairwise(self.units)), initial=0.0))
+
+    @property
     def reach_ahead(self) -> float:
         """Distance from the lead rear axle to the foremost point of the stretched vehicle [m]."""
-        ahead, axle = self.lead.front, 0.0
-        for front, unit in zip(self.units, self.units[1:], strict=False):
-            axle += front.hitch_offset + unit.wheelbase
-            ahead = max(ahead, unit.front - axle)
-        return ahead
+        return max(unit.front - behind for unit, behind in zip(self.units, self.behind, strict=True))
 
     @property
     def reach_behind(self) -> float:
         """Distance from the lead rear axle to the rearmost point of the stretched vehicle [m]."""
-        behind, axle = self.lead.rear_overhang, 0.0
-        for ahead, unit in zip(self.units, self.units[1:], strict=False):
-            axle += ahead.hitch_offset + unit.wheelbase
-            behind = max(behind, axle + unit.rear_overhang)
-        return behind
+        return max(behind + unit.rear_overhang for unit, behind in zip(self.units, self.behind, strict=True))
 
     def table(self) -> Records:
         """Return the dimensions for the core, one record of ``UNIT`` per unit."""

@@ -108,13 +108,12 @@ def test_a_simulation_ends_where_the_twins_does() -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9)  # rounding, divided by the cosine of nearly a quarter turn
 
 
-@pytest.mark.parametrize("axles_only", [False, True])
-def test_the_envelope_is_that_of_the_twin(axles_only: bool) -> None:
+def test_the_envelope_is_that_of_the_twin() -> None:
     vehicle, path = load_vehicle("tractor-trailer"), winding().extended(30.0, 30.0)
     units, begin = vehicle.table(), 20.0
     kappa = evaluate_many(path, begin + STEP * np.arange(12, dtype=np.float64))[4]
     z = simulate(units, path, begin, STEP, np.array([0.3, 0.05, 0.1]), kappa, KEEP)
-    s, outlines = begin + STEP / KEEP * np.arange(len(z), dtype=np.float64), envelope._outlines(units, axles_only=axles_only)
+    s, outlines = begin + STEP / KEEP * np.arange(len(z), dtype=np.float64), envelope._outlines(units)
     stations = envelope.SPACING_M * np.arange(160, dtype=np.float64)
     low, high = envelope._sweep(units, outlines, path, s, z, stations)
     expected = sweep_twin.sweep(units, outlines, path, s, z, stations)
@@ -126,7 +125,7 @@ def test_the_envelope_is_that_of_the_twin(axles_only: bool) -> None:
 def test_a_pose_beyond_the_centre_of_curvature_is_left_out_and_the_others_count() -> None:
     vehicle, path = load_vehicle("bus"), from_curvature(np.array([0.0, 60.0]), np.full(2, 0.2)).extended(20.0, 20.0)
     units, z, s = vehicle.table(), np.array([[0.0, 0.0], [0.5, 0.0], [4.5, 0.0], [4.5, 0.0]]), 20.0 + 0.25 * np.arange(4, dtype=np.float64)
-    outlines, stations = envelope._outlines(units, axles_only=False), 0.25 * np.arange(100.0)
+    outlines, stations = envelope._outlines(units), 0.25 * np.arange(100.0)
     some, every = (envelope._sweep(units, outlines, path, s[:count], z[:count], stations) for count in (2, 4))
     np.testing.assert_array_equal(some, every)
     assert np.any(np.isfinite(some))

@@ -135,17 +135,6 @@ def test_a_limit_at_a_lap_s_end_holds_for_what_stands_there_at_the_start() -> No
     assert breach.depth == pytest.approx(20.0 - 18.23 / np.cos((ring.length - 124.0) / 20.0) - 1.5, abs=2e-3)
 
 
-def test_between_the_axles_a_bus_reaches_less_far_out() -> None:
-    vehicle, radius = load_vehicle("bus"), 15.0
-    circle = stationary(vehicle, np.array([1.0 / radius]))
-    lead = 1.0 / circle.kappa[0]
-    done = executed(arc(1.0 / radius, 80.0), vehicle, np.array([radius - lead, 0.0]))
-    found = Envelope(done, axles_only=True)
-    passed = slice(100, 260)
-    assert np.max(np.abs(-found.reach_right[passed] - (np.hypot(lead + 1.27, 6.0) - radius))) < 2e-3
-    assert np.max(np.abs(found.reach_left[passed] - (radius - lead + 1.27))) < 2e-3  # its inner edge is nearest at the axle
-
-
 def test_the_envelope_holds_every_dense_outline_point_of_a_winding_drive() -> None:
     vehicle, path = three_units(), winding()
     s = np.linspace(0.0, 2.0 * np.pi, 441)

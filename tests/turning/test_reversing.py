@@ -16,11 +16,10 @@ from hdvplan.report.manoeuvre_layers import leg_area
 from hdvplan.report.manoeuvre_plots import reversal_figure
 from hdvplan.report.reversals import reversal_json, reversal_tables
 from hdvplan.turning.reversing.answer import Answer, reversing
-from hdvplan.turning.reversing.blocks import Block, Outline, bodies_of, wall
 from hdvplan.turning.reversing.legs import driven, posed, wheels_at_stop
 from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.turning.reversing.search import half_turn
-from hdvplan.turning.reversing.sites import site_of
+from hdvplan.turning.reversing.sites import Block, Outline, bodies_of, site_of, wall
 from hdvplan.turning.reversing.words import closed_form, details, verdict
 from hdvplan.vehicle.body import corners_at
 from hdvplan.vehicle.kinematics import critical_angles

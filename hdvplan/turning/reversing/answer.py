@@ -11,12 +11,11 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import TurnError
 from hdvplan.progress import part_of
 from hdvplan.turning.follow import passive
-from hdvplan.turning.reversing.blocks import Block
 from hdvplan.turning.reversing.legs import Draft, DrivenLeg, driven, wheels_at_stop
 from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.turning.reversing.polish import polished
 from hdvplan.turning.reversing.search import half_turn, half_turns_in, pull_out
-from hdvplan.turning.reversing.sites import Site, site_of
+from hdvplan.turning.reversing.sites import Block, Site, site_of
 from hdvplan.vehicle.body import corners_at
 from hdvplan.vehicle.model import Vehicle
 
