@@ -98,38 +98,34 @@ class Grid(NamedTuple):
 
 
 class Reached(NamedTuple):
-    """What was reached at every station: ``empty`` is the first station with nothing, or -1; ``open`` the last that bounds nothing, or -1.
+    """What was reached at every station, in memory that the core writes to.
 
     ``low`` and ``high`` (stations,) bound the offset [m], ``right`` and ``left`` the heading off the road's [rad], ``filled`` is the
     number of cells.
     """
 
-    empty: int
-    open: int
+    record: Records  # (1,) of ``_REACHED``
     low: FloatArray
     high: FloatArray
     right: FloatArray
     left: FloatArray
     filled: IntArray
 
-
-class Answer(NamedTuple):
-    """Memory for what the core says was reached."""
-
-    record: Records  # (1,) of ``_REACHED``
-    bounds: FloatArray  # (4, stations): low, high, right, left
-    filled: IntArray  # (stations,)
-
     @classmethod
-    def empty(cls, stations: int) -> Answer:
+    def nothing(cls, stations: int) -> Reached:
         """Return memory for so many stations."""
         bounds, filled = np.full((4, stations), np.nan), np.zeros(stations, np.int64)
-        return cls(np.array([(-1, -1, *map(core.address, bounds), core.address(filled))], _REACHED), bounds, filled)
+        return cls(np.array([(-1, -1, *map(core.address, bounds), core.address(filled))], _REACHED), *bounds, filled)
 
-    def read(self) -> Reached:
-        """Return what the core has written."""
-        low, high, right, left = self.bounds
-        return Reached(int(self.record["empty"][0]), int(self.record["open"][0]), low, high, right, left, self.filled)
+    @property
+    def empty(self) -> int:
+        """The first station with nothing, or -1."""
+        return int(self.record["empty"][0])
+
+    @property
+    def open(self) -> int:
+        """The last station that bounds nothing, or -1."""
+        return int(self.record["open"][0])
 
 
 def reachable(
@@ -142,12 +138,12 @@ def reachable(
     """
     near, body, stations = around(space, outline.reach, two_regions=two_regions), outline_record(outline), frame_record(frame)
     cells = [(np.zeros(grid.cells, np.int64), np.empty((grid.cells, MOST, 2))) for _ in range(2)]  # how many intervals, and these
-    slopes, found = np.empty((2 * grid.cells, 2)), Answer.empty(len(frame.s))
+    slopes, found = np.empty((2 * grid.cells, 2)), Reached.nothing(len(frame.s))
     memory, layout = np.array([tuple(map(core.address, one)) for one in cells], CELLS), np.array([grid], GRID)
     kept = (None, None) if keep is None else tuple(map(core.address, keep))
     records = (stations, layout, near.record, memory, slopes)
     _reachable(core.address(body), kappa, *map(core.address, records), *kept, core.address(found.record))
-    return found.read()
+    return found
 
 
 SHARPEST = 1.5  # articulation angle: beyond 86 degrees no combination is said to drive forward [rad]
@@ -206,7 +202,7 @@ def reachable_with_trailer(pair: Pair, kappa: float, space: Beside, frame: Frame
     The trailer's heading is looked at in cells like the leading one's. See ``reachable``; the offsets and headings are those of the
     leading unit.
     """
-    near, stations, found = around(space, pair.reach, two_regions=two_regions), frame_record(frame), Answer.empty(len(frame.s))
+    near, stations, found = around(space, pair.reach, two_regions=two_regions), frame_record(frame), Reached.nothing(len(frame.s))
     coupling = pair.coupling
     bodies = outline_record(pair.lead), outline_record(pair.trailer)
     tables = (core.address(coupling.angle), core.address(coupling.rate), len(coupling.rate))
@@ -217,4 +213,4 @@ def reachable_with_trailer(pair: Pair, kappa: float, space: Beside, frame: Frame
     allowed = np.zeros((int(0.5 * np.pi / LEADING) + 2, int(2.0 * np.pi / grid.size) + 2, 3))
     records = map(core.address, (stations, layout, near.record, memory, allowed))
     _reachable_with_trailer(core.address(units), kappa, *records, allowed.shape[1], core.address(found.record))
-    return found.read()
+    return found

@@ -14,23 +14,10 @@ import shapely
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.checks import Unit, refuse_no_street
-from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
-from hdvplan.road.features import (
-    AREAS,
-    LINES,
-    POINTS,
-    Beside,
-    Choice,
-    Feature,
-    Role,
-    coordinates_of,
-    flat,
-    label_of,
-    parts_of,
-    role_of,
-)
+from hdvplan.road.crs import LONLAT, is_geographic, looks_like_degrees, to_plane
+from hdvplan.road.features import AREAS, LINES, POINTS, Beside, Feature, coordinates_of, flat, label_of, parts_of, role_of
 from hdvplan.road.line import RawLeg, RawRoad
-from hdvplan.road.options import unheeded
+from hdvplan.road.options import RoadOptions, Role, unheeded
 from hdvplan.road.properties import legs_among, with_properties
 from hdvplan.road.regions import EDGE, Kind, Region, is_island, walls_of, without_spurs
 from hdvplan.texts import counted, printable, some_of
@@ -52,7 +39,7 @@ class _Line:
     directed: bool = True
 
 
-def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _METRES, *, routes: bool = False) -> RawRoad:
+def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit = _METRES, *, routes: bool = False) -> RawRoad:
     """Return the road, or the legs of a drive, among ``features``; ``name`` begins the messages.
 
     ``unit`` is that of coordinates without a system. A note tells which layers are not read, but not of
@@ -64,10 +51,10 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
 
     """
     lines = _lines(features, name)
-    _refuse_strange_roles(features, name, choice)
-    within = lines if choice.layer is None else [line for line in lines if line.feature.layer == choice.layer]
-    legs = legs_among([line.feature for line in within], name) if choice.feature is None else []
-    chosen = [within[at] for at, _ in legs] if legs else [_chosen(lines, choice, name)]
+    _refuse_strange_roles(features, name, options)
+    within = lines if options.layer is None else [line for line in lines if line.feature.layer == options.layer]
+    legs = legs_among([line.feature for line in within], name) if options.feature is None else []
+    chosen = [within[at] for at, _ in legs] if legs else [_chosen(lines, options, name)]
     parts = [coordinates_of(part, name) for line in chosen for part in line.parts]
     systems = {line.feature.system for line in chosen}
     if len(systems) > 1:
@@ -83,12 +70,10 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
     if system is not None and unit.given is not None:
         what = f"{name}: a line in {'degrees' if is_geographic(system) else 'a coordinate reference system'}"
         raise unheeded(what, "unit")
-    if system is not None and is_geographic(system):
-        check_lonlat(everything, name)
-    plane = None if system is None else to_plane(everything, system)
+    plane = None if system is None else to_plane(everything, system, name)
     whole = unit.metres * everything if plane is None else plane.points
     placed = np.split(whole, np.cumsum([len(part) for part in parts])[:-1])
-    beside = Beside(name, system, plane, choice, tuple(line.feature.geometry for line in chosen), unit.metres)
+    beside = Beside(name, system, plane, options, tuple(line.feature.geometry for line in chosen), unit.metres)
     sides = [(*beside.edges(feature), label_of(feature)) for feature in features]
     edges = [(*without_spurs(edge), label) for own, _, label in sides for edge in own]
     if system is None:
@@ -106,8 +91,8 @@ def road_of(features: list[Feature], name: str, choice: Choice, unit: Unit = _ME
         regions += beside.regions(feature, len(regions) + 1)
     walls, told = _walls(features, beside, name)
     regions += walls
-    unread = () if routes else _unread_note(features, lines, chosen, name, choice, unit.metres)
-    if choice.feature is None and any(role_of(line.feature, choice) is Role.EDGE for line in chosen):
+    unread = () if routes else _unread_note(features, lines, chosen, name, options, unit.metres)
+    if options.feature is None and any(role_of(line.feature, options) is Role.EDGE for line in chosen):
         notes = (*notes, f"{name}: the line that is driven along is a kerb by its name or layer: is it the right one?")
     return replace(
         drawn[0],
@@ -135,7 +120,7 @@ def _walls(features: list[Feature], beside: Beside, name: str) -> tuple[list[Reg
     drawn: dict[tuple[str, Role], list[FloatArray]] = {}
     points = Counter[str]()
     for feature in features:
-        key = label_of(feature), role_of(feature, beside.choice) or Role.EDGE
+        key = label_of(feature), role_of(feature, beside.options) or Role.EDGE
         drawn.setdefault(key, []).extend(beside.open_lines(feature))
         points[key[0]] += key[1] in AREAS and any(geometry["type"] in POINTS for geometry in flat(feature.geometry))
     regions, notes = list[Region](), list[str]()
@@ -159,12 +144,12 @@ def _lines(features: list[Feature], name: str) -> list[_Line]:
     ]
 
 
-def _refuse_strange_roles(features: list[Feature], name: str, choice: Choice) -> None:
+def _refuse_strange_roles(features: list[Feature], name: str, options: RoadOptions) -> None:
     """Refuse a role for what is not in the file: kerbs would be passed over for a letter."""
     known = {label for feature in features for label in (*feature.labels, feature.layer)}
-    strange = next((given for given in choice.roles if given not in known), None)
+    strange = next((given for given in options.named_roles if given not in known), None)
     if strange is not None:
-        role = choice.roles[strange]
+        role = options.named_roles[strange]
         msg = f"{name}: nothing is called {strange!r}, which has the role {role}; there are {_layers_among(features)}"
         raise RoadError(msg, hint="--role takes the name of a layer or of a feature, as it is in the file")
 
@@ -173,28 +158,28 @@ def _layers_among(features: Iterable[Feature]) -> str:
     return ", ".join(map(repr, sorted({feature.layer for feature in features if feature.layer}))) or "no layers"
 
 
-def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
+def _chosen(lines: list[_Line], options: RoadOptions, name: str) -> _Line:
     if not lines:
         msg = f"{name}: no LineString or MultiLineString in it"
         raise RoadError(msg, hint="a road is a line feature; some simplified map exports have no geometry")
-    there = lines if choice.layer is None else [line for line in lines if line.feature.layer == choice.layer]
+    there = lines if options.layer is None else [line for line in lines if line.feature.layer == options.layer]
     if not there:
-        msg = f"{name}: no line in a layer called {choice.layer!r}; there are {_layers_among(line.feature for line in lines)}"
+        msg = f"{name}: no line in a layer called {options.layer!r}; there are {_layers_among(line.feature for line in lines)}"
         raise RoadError(msg)
-    if choice.feature is None:
-        without = [line for line in there if role_of(line.feature, choice) is None]
-        matching = without if choice.layer is None and without else there
+    if options.feature is None:
+        without = [line for line in there if role_of(line.feature, options) is None]
+        matching = without if options.layer is None and without else there
     else:
-        matching = [line for line in there if choice.feature in line.feature.labels]
+        matching = [line for line in there if options.feature in line.feature.labels]
     if len(matching) == 1:
         return matching[0]
-    if choice.layer is not None and choice.feature is None and all(line.feature.drawn for line in matching):
+    if options.layer is not None and options.feature is None and all(line.feature.drawn for line in matching):
         return _Line(matching[0].feature, [part for line in matching for part in line.parts], directed=False)
     listed = _listed(matching or there)
-    if choice.feature is None and not any(role_of(line.feature, choice) is None for line in there):
+    if options.feature is None and not any(role_of(line.feature, options) is None for line in there):
         msg = f"{name}: {len(there)} lines, all of them kerbs or obstacles by --role or their names: {listed}"
         raise RoadError(msg, hint="draw the line that is driven along, too, in a layer of its own; or choose one with --name or --id")
-    if choice.feature is None:
+    if options.feature is None:
         msg = f"{name}: {len(matching)} lines, and none is chosen: {listed}"
         several = len({line.feature.layer for line in matching}) > 1
         if several and all(line.feature.drawn for line in matching):
@@ -205,20 +190,20 @@ def _chosen(lines: list[_Line], choice: Choice, name: str) -> _Line:
             hint = "choose the one that is driven along with --id; if all are kerbs, draw it, too, in a layer of its own"
         raise RoadError(msg, hint=hint)
     if matching:
-        msg = f"{name}: {len(matching)} lines are called {choice.feature!r}"
+        msg = f"{name}: {len(matching)} lines are called {options.feature!r}"
         raise RoadError(msg, hint="choose by a unique --id")
-    msg = f"{name}: no line is called {choice.feature!r}; there are {listed}"
+    msg = f"{name}: no line is called {options.feature!r}; there are {listed}"
     raise RoadError(msg)
 
 
 def _unread_note(
-    features: list[Feature], lines: list[_Line], chosen: list[_Line], name: str, choice: Choice, metres: float
+    features: list[Feature], lines: list[_Line], chosen: list[_Line], name: str, options: RoadOptions, metres: float
 ) -> tuple[str, ...]:
     """Return a note on the layers that are not read beside those of the ``chosen`` lines, and how one would be; none without any.
 
     Of a drawing, whose unit is ``metres`` long, it tells which of them lie nearer the line than all that is read.
     """
-    read = [feature for feature in features if feature.properties.get("region") or role_of(feature, choice)]
+    read = [feature for feature in features if feature.properties.get("region") or role_of(feature, options)]
     used = {"", *(line.feature.layer for line in chosen), *(feature.layer for feature in read)}
     unread: dict[str, list[Feature]] = {}
     for feature in features:

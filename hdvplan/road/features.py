@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 
 from hdvplan.arrays import FloatArray
-from hdvplan.errors import OptionError, RoadError
+from hdvplan.errors import RoadError
 from hdvplan.road.checks import refuse_far
 from hdvplan.road.columns import folded
 from hdvplan.road.crs import Plane
+from hdvplan.road.options import RoadOptions, Role
 from hdvplan.road.regions import Kind, Region, Side
 from hdvplan.texts import printable
 
@@ -26,14 +26,6 @@ POINTS = {"Point", "MultiPoint"}
 _POLYGONS = {"Polygon", "MultiPolygon"}
 _LONGEST_LABEL = 250  # letters of a name that is told and drawn
 _MOST_CROSSING = 2000  # points of a polygon that crosses itself: it does so as often as the square of their number
-
-
-class Role(StrEnum):
-    """What a feature beside the line is."""
-
-    OBSTACLE = "obstacle"
-    SWEEPABLE = "sweepable"
-    EDGE = "edge"
 
 
 AREAS = {Role.OBSTACLE, Role.SWEEPABLE}
@@ -63,33 +55,6 @@ class Feature:
     drawn: bool = False
 
 
-@dataclass(frozen=True)
-class Choice:
-    """Which feature is the road, in which layer, and what role other features or whole layers have, by their name."""
-
-    feature: str | None = None
-    layer: str | None = None
-    roles: dict[str, Role] = field(default_factory=dict)
-
-
-def roles_of(given: tuple[str, ...]) -> dict[str, Role]:
-    """Return the roles in texts such as ``hoarding=obstacle``: the name of a layer or a feature, and what it is.
-
-    Raises:
-        OptionError: a text is not of this form, or names no role.
-
-    """
-    roles: dict[str, Role] = {}
-    for text in given:
-        name, _, role = text.rpartition("=")
-        role = role.casefold()
-        if not name or role not in list(Role):
-            msg = f"--role {text!r} is not NAME=ROLE; a role is {', '.join(list(Role)[:-1])} or {list(Role)[-1]}"
-            raise OptionError(msg, hint="NAME is a layer or a feature of the road file, such as --role hoarding=obstacle")
-        roles[name] = Role(role)
-    return roles
-
-
 def labels_of(item: Json) -> tuple[str, ...]:
     """Return what a GeoJSON feature may be called by: names and ids of its properties, then its own."""
     sources = (as_object(item.get("properties")), item)
@@ -101,10 +66,10 @@ def as_object(member: object) -> Json:
     return member if isinstance(member, dict) else {}
 
 
-def role_of(feature: Feature, choice: Choice) -> Role | None:
+def role_of(feature: Feature, options: RoadOptions) -> Role | None:
     """Return a feature's role: as the user says, as its property says, or as its layer or name says."""
     names = (*feature.labels, feature.layer)
-    given = next((choice.roles[name] for name in names if name in choice.roles), None)
+    given = next((options.named_roles[name] for name in names if name in options.named_roles), None)
     if given is not None or feature.properties.get("region") is not None:
         return given
     edges = (str(feature.properties.get("edge", "")), *feature.labels[:1])
@@ -162,13 +127,13 @@ class Beside:
     name: str
     system: str | None
     plane: Plane | None
-    choice: Choice
+    options: RoadOptions
     lines: tuple[object, ...]  # the geometries of the line, or of the legs
     metres: float  # a unit of coordinates without a system
 
     def regions(self, feature: Feature, number: int) -> list[Region]:
         """Return the regions of a feature, none if it is no region; ``number`` is the first one's."""
-        given, role = feature.properties.get("region"), role_of(feature, self.choice)
+        given, role = feature.properties.get("region"), role_of(feature, self.options)
         label = label_of(feature)
         if given is None and (role not in AREAS or self._is_line(feature)):
             return []
@@ -192,7 +157,7 @@ class Beside:
 
     def edges(self, feature: Feature) -> tuple[list[FloatArray], list[FloatArray]]:
         """Return the lines of an edge in the plane, of its areas, which are street, the outlines, and islands in these; of others none."""
-        if self._is_line(feature) or role_of(feature, self.choice) is not Role.EDGE:
+        if self._is_line(feature) or role_of(feature, self.options) is not Role.EDGE:
             return [], []
         areas = [rings for geometry in flat(feature.geometry) for rings in _rings(geometry, closed_lines=False) or ()]
         where = self._named(feature, areas)
@@ -203,7 +168,7 @@ class Beside:
 
     def open_lines(self, feature: Feature) -> list[FloatArray]:
         """Return the lines of a feature in the plane that should be an area and are not closed."""
-        if feature.properties.get("region") is not None or self._is_line(feature) or role_of(feature, self.choice) not in AREAS:
+        if feature.properties.get("region") is not None or self._is_line(feature) or role_of(feature, self.options) not in AREAS:
             return []
         drawn = [geometry for geometry in flat(feature.geometry) if _rings(geometry, closed_lines=True) is None]
         return self._lines(feature, drawn)
@@ -215,7 +180,7 @@ class Beside:
 
     def _named(self, feature: Feature, read: list[Any]) -> str:
         """Return what messages call a feature, of which this is ``read``: in the system of the line."""
-        where = f"{self.name}: {role_of(feature, self.choice)} {label_of(feature)!r}"
+        where = f"{self.name}: {role_of(feature, self.options)} {label_of(feature)!r}"
         if read:
             self._check_system(feature, where)
         return where

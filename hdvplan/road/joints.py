@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -37,42 +37,27 @@ class _End(NamedTuple):
         return bool(np.hypot(*self.move) < _SETTLED and abs(self.turn) < _SETTLED)
 
 
-@dataclass(frozen=True)
-class _Cusp:
-    """Where the lines of two legs end: places (2, 2) [m] and headings (2,) [rad] of the vehicle, of the leg before and the one after.
+class _Cusp(NamedTuple):
+    """Where the lines of two legs end: the one before at x, y ``place``, the one after ``apart`` from there, (2,) each [m].
 
-    ``smoothed`` is what smoothing adds to the turn between them [rad].
+    ``turn`` leads from one heading of the vehicle to the other, and ``smoothed`` is what smoothing adds to it [rad].
     """
 
-    places: FloatArray
-    headings: FloatArray
+    place: FloatArray
+    apart: FloatArray
+    turn: float
     smoothed: float
-
-    @classmethod
-    def between(cls, before: Leg, after: Leg) -> _Cusp:
-        ends = [leg.road.path.at(leg.ends[number]) for leg, number in ((before, 1), (after, 0))]
-        places, headings = np.array([[end.x, end.y] for end in ends], dtype=float), np.array([end.heading for end in ends], dtype=float)
-        return cls(places, headings, after.turned[0] - before.turned[1])
 
     @property
     def gap(self) -> float:
         """Between the two ends [m]."""
-        return float(np.hypot(*(self.places[1] - self.places[0])))
+        return float(np.hypot(*self.apart))
 
-    @property
-    def turn(self) -> float:
-        """From one line to the other [rad]."""
-        return float(wrapped(self.headings[1] - self.headings[0]))
 
-    @property
-    def noted(self) -> bool:
-        """Whether it is more than rounding."""
-        return self.gap > _NOTED_M or abs(self.turn) > _NOTED
-
-    def ends(self) -> tuple[_End, _End]:
-        """Return how both ends are moved to meet half-way."""
-        half = 0.5 * (self.places[1] - self.places[0])
-        return _End(half, 0.5 * self.turn), _End(-half, -0.5 * self.turn)
+def _cusp(before: Leg, after: Leg) -> _Cusp:
+    one, other = before.road.path.at(before.ends[1]), after.road.path.at(after.ends[0])
+    place, there = (np.array([end.x, end.y], dtype=float) for end in (one, other))
+    return _Cusp(place, there - place, float(wrapped(other.heading - one.heading)), after.turned[0] - before.turned[1])
 
 
 def joined(legs: tuple[Leg, ...], gap: float = SAME_M) -> tuple[tuple[Leg, ...], tuple[str, ...]]:
@@ -82,23 +67,24 @@ def joined(legs: tuple[Leg, ...], gap: float = SAME_M) -> tuple[tuple[Leg, ...],
         RoadError: two lines end further apart than ``gap`` [m], or at an angle that nobody draws by mistake.
 
     """
-    cusps = [_Cusp.between(before, after) for before, after in pairwise(legs)]
+    cusps = [_cusp(before, after) for before, after in pairwise(legs)]
     for number, cusp in enumerate(cusps, start=1):
         _refuse(cusp, number, gap)
     none = _End(np.zeros(2), 0.0)
-    arrive, leave = [*(cusp.ends()[0] for cusp in cusps), none], [none, *(cusp.ends()[1] for cusp in cusps)]
+    arrive = [*(_End(0.5 * cusp.apart, 0.5 * cusp.turn) for cusp in cusps), none]  # both ends meet half-way
+    leave = [none, *(_End(-0.5 * cusp.apart, -0.5 * cusp.turn) for cusp in cusps)]
     moved, offs = [], []
     for leg, first, last in zip(legs, leave, arrive, strict=True):
         low, high = (last, first) if leg.backward else (first, last)
         road = leg.road if low.settled and high.settled else _moved(leg.road, low, high)
         moved.append(replace(leg, road=road))
         offs.append(_off(leg.road.path, road.path))
-    notes = (_note(cusp, number, max(offs[number - 1 : number + 1])) for number, cusp in enumerate(cusps, start=1) if cusp.noted)
-    return tuple(moved), tuple(notes)
+    noted = ((number, cusp) for number, cusp in enumerate(cusps, start=1) if cusp.gap > _NOTED_M or abs(cusp.turn) > _NOTED)
+    return tuple(moved), tuple(_note(cusp, number, max(offs[number - 1 : number + 1])) for number, cusp in noted)
 
 
 def _refuse(cusp: _Cusp, number: int, gap: float) -> None:
-    x, y = cusp.places[0]
+    x, y = cusp.place
     if cusp.gap > gap:
         msg = f"leg {number + 1} begins {cusp.gap:.2f} m from the end of leg {number}, which is at x {x:.2f}, y {y:.2f}"
         raise RoadError(msg, hint="a leg begins where the one before it ends: lines are drawn in the order of driving")

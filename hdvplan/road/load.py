@@ -9,17 +9,15 @@ from pathlib import Path
 
 from hdvplan.errors import RoadError
 from hdvplan.road.checks import pointed_at, refuse_far, refuse_length, refuse_outliers, refuse_unreadable, text_of
-from hdvplan.road.features import Choice, roles_of
 from hdvplan.road.line import LONG_M, Line, RawRoad, noted_again, offset_road, reversed_road, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_json import json_object, read_geojson, read_overpass
 from hdvplan.road.load_vector import read_vector
-from hdvplan.road.options import OF_FILES, OF_POINTS, RoadOptions, refuse_unheeded
+from hdvplan.road.options import OF_FILES, OF_POINTS, USUAL, RoadOptions, refuse_unheeded
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import NOTICE, SCENARIOS, shipped, shipped_roads
 from hdvplan.texts import did_you_mean, printable
 
-_USUAL = RoadOptions()
 _OF_VECTORS = ("crs", "feature", "layer", "roles", "unit")  # options that say how to read a vector file
 _HEAD_BYTES = 4096  # of an XML file, in which its root begins
 _TEXTS = {".csv", ".tsv", ".txt", ".dat", ".asc", ""}  # and what these hold is told by their text
@@ -63,7 +61,7 @@ class Found:
         return offset_road(road, self.options.offset) if self.options.offset else road
 
 
-def load_road(source: str | Path, options: RoadOptions = _USUAL) -> Road:
+def load_road(source: str | Path, options: RoadOptions = USUAL) -> Road:
     """Return the road in the file ``source``, or the shipped road or scenario of that name; a file wins over a name.
 
     Raises:
@@ -73,7 +71,7 @@ def load_road(source: str | Path, options: RoadOptions = _USUAL) -> Road:
     return find_road(source, options)()
 
 
-def find_road(source: str | Path, options: RoadOptions = _USUAL, *, limited: bool = False) -> Found:
+def find_road(source: str | Path, options: RoadOptions = USUAL, *, limited: bool = False) -> Found:
     """Read what ``load_road`` would load, and return what makes the road of it; one that is ``limited`` by options has no edges.
 
     Raises:
@@ -135,27 +133,26 @@ def _raw(path: Path, options: RoadOptions) -> RawRoad:
     raw = _of_lanes(path, options)
     if raw is not None:
         return raw
-    choice = Choice(options.feature, options.layer, roles_of(options.roles))
-    suffix, crs = path.suffix.lower(), options.crs
-    if crs is not None:
-        refuse_unheeded(f"{path.name}: a file in {crs}", options, "unit")
+    suffix = path.suffix.lower()
+    if options.crs is not None:
+        refuse_unheeded(f"{path.name}: a file in {options.crs}", options, "unit")
     text = text_of(path) if suffix in _TEXTS else None
     if suffix in {".json", ".geojson"} or (text is not None and text.lstrip().startswith("{")):
         document = json_object(text or text_of(path), path.name)
         if "elements" in document:
             refuse_unheeded(f"{path.name}: a file of OpenStreetMap", options, "crs", "unit")
-            return read_overpass(document, path.name, choice=choice)
+            return read_overpass(document, path.name, options)
         if document.get("type") == "Topology" or "geometryType" in document:
-            return read_vector(path, crs=crs, choice=choice, unit=options.unit)
+            return read_vector(path, options)
         refuse_unheeded(f"{path.name}: a GeoJSON file, in degrees or a system that it names,", options, "unit")
-        return read_geojson(document, path.name, crs=crs, choice=choice)
+        return read_geojson(document, path.name, options)
     if text is None or text.lstrip().startswith("<") or has_wkt(text):
-        return read_vector(path, crs=crs, choice=choice, unit=options.unit)
+        return read_vector(path, options)
     if options.feature is not None:
         msg = f"{path.name}: a CSV file has no features to choose {options.feature!r} from"
         raise RoadError(msg)
     refuse_unheeded(f"{path.name}: a CSV file", options, "layer", "roles")
-    return read_csv(text, path.name, crs=crs, unit=options.unit)
+    return read_csv(text, path.name, options)
 
 
 def _of_lanes(path: Path, options: RoadOptions) -> RawRoad | None:

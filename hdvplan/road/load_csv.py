@@ -14,9 +14,9 @@ from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
 from hdvplan.road.checks import LARGEST_M, Unit, refuse_no_street, refuse_unreadable, text_of
 from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, has_geometry, is_header, named_among, unread_note
-from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
+from hdvplan.road.crs import LONLAT, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.line import RawRoad
-from hdvplan.road.options import unheeded
+from hdvplan.road.options import USUAL, RoadOptions, unheeded
 from hdvplan.road.properties import in_legs, signs_in
 from hdvplan.texts import is_number
 
@@ -62,8 +62,8 @@ class _Numbers:
             raise RoadError(msg, hint=hint, s_m=float(self.values["s"][at]) if "s" in self.values else None)
 
 
-def read_csv(text: str, name: str, *, crs: str | None = None, unit: str | None = None) -> RawRoad:
-    """Return the road in a CSV text; ``name`` begins the messages, ``crs`` is the system of x, y, or ``unit`` their unit.
+def read_csv(text: str, name: str, options: RoadOptions = USUAL) -> RawRoad:
+    """Return the road in a CSV text; ``name`` begins the messages, the ``options`` its system, or its unit.
 
     Values are separated by what the header has: tabs, semicolons, bars or commas. Beside all but commas, and in quotes, a
     comma is a decimal point.
@@ -72,7 +72,7 @@ def read_csv(text: str, name: str, *, crs: str | None = None, unit: str | None =
         RoadError: no header, contradicting columns, or an impossible value, with its line and column.
 
     """
-    return read_table(_table(text, name), name, crs=crs, unit=unit)
+    return read_table(_table(text, name), name, options)
 
 
 def read_columns(
@@ -114,7 +114,7 @@ def has_wkt(text: str) -> bool:
     return has_geometry(_fields(header, _separator(header)))
 
 
-def read_table(table: Table, name: str, *, crs: str | None = None, unit: str | None = None) -> RawRoad:
+def read_table(table: Table, name: str, options: RoadOptions) -> RawRoad:
     """Return the road in a table of points, or the legs of a drive where a column ``direction`` has both signs; as ``read_csv``.
 
     Raises:
@@ -124,11 +124,12 @@ def read_table(table: Table, name: str, *, crs: str | None = None, unit: str | N
     """
     signs = signs_in(table.titles, table.rows)
     if signs is None:
-        return _line_in(table, name, crs=crs, unit=unit)
-    return in_legs(_line_in(table.without(signs[0]), name, crs=crs, unit=unit), signs[1], name)
+        return _line_in(table, name, options)
+    return in_legs(_line_in(table.without(signs[0]), name, options), signs[1], name)
 
 
-def _line_in(table: Table, name: str, *, crs: str | None, unit: str | None) -> RawRoad:
+def _line_in(table: Table, name: str, options: RoadOptions) -> RawRoad:
+    crs, unit = options.crs, options.unit
     columns = columns_of(table.titles, name)
     numbers = _numbers(table, columns.at, name)
     positions, called = columns.position, f"{name}: columns {columns.where}"
@@ -172,9 +173,7 @@ def _line_in(table: Table, name: str, *, crs: str | None, unit: str | None) -> R
         if columns.unit is None:
             refuse_no_street([points], raw.reaches, (), Unit(unit), name, raw.lines)
         return raw
-    if is_geographic(crs):
-        check_lonlat(points, name)
-    plane = to_plane(points, crs)
+    plane = to_plane(points, crs, name)
     return replace(raw, points=plane.points, to_lonlat=plane.to_lonlat)
 
 

@@ -8,18 +8,18 @@ from typing import Any
 from hdvplan.errors import RoadError
 from hdvplan.road.assemble import road_of
 from hdvplan.road.crs import LONLAT, short_name
-from hdvplan.road.features import Choice, Feature, Json, as_object, labels_of
+from hdvplan.road.features import Feature, Json, as_object, labels_of
 from hdvplan.road.line import RawRoad
+from hdvplan.road.options import USUAL, RoadOptions
 from hdvplan.road.scenarios import NOTICE
 
-_ANY = Choice()
 _NO_WAY = {"platform", "stop", "stop_entry_only", "stop_exit_only"}  # roles in a bus route that are not driven
 
 
-def read_geojson(document: Json, name: str, *, crs: str | None = None, choice: Choice = _ANY) -> RawRoad:
-    """Return the road in a GeoJSON document; ``name`` begins the messages, ``choice`` says which line.
+def read_geojson(document: Json, name: str, options: RoadOptions = USUAL) -> RawRoad:
+    """Return the road in a GeoJSON document; ``name`` begins the messages, ``options`` say which line.
 
-    ``crs`` overrides the file's own ``crs`` member; without either, coordinates are longitude and latitude.
+    Their ``crs`` overrides the file's own ``crs`` member; without either, coordinates are longitude and latitude.
 
     Raises:
         RoadError: no line, several lines and none chosen, parts that do not join, or impossible coordinates.
@@ -28,11 +28,11 @@ def read_geojson(document: Json, name: str, *, crs: str | None = None, choice: C
     if not isinstance(document.get("type"), str):
         msg = f"{name} is not GeoJSON: it has no 'type'"
         raise RoadError(msg)
-    system = crs or _member_crs(document, name)
+    system = options.crs or _member_crs(document, name)
     features = [
         Feature(item.get("geometry"), as_object(item.get("properties")), labels_of(item), system=system) for item in _items(document, name)
     ]
-    return road_of(features, name, choice)
+    return road_of(features, name, options)
 
 
 def json_object(text: str, name: str) -> Json:
@@ -77,8 +77,8 @@ def _items(document: Json, name: str) -> list[Json]:
     return [document] if kind == "Feature" else [{"geometry": document}]
 
 
-def read_overpass(document: Json, name: str, *, choice: Choice) -> RawRoad:
-    """Return the road in an answer of the Overpass API; ``name`` begins the messages, ``choice`` says which way.
+def read_overpass(document: Json, name: str, options: RoadOptions = USUAL) -> RawRoad:
+    """Return the road in an answer of the Overpass API; ``name`` begins the messages, ``options`` say which way.
 
     Raises:
         RoadError: the answer has no geometry, or what ``road_of`` refuses.
@@ -99,7 +99,7 @@ def read_overpass(document: Json, name: str, *, choice: Choice) -> RawRoad:
     if not features:
         msg = f"{name}: no way with a geometry among {len(elements)} elements of OpenStreetMap"
         raise RoadError(msg, hint="ask Overpass for it: end the query with `out geom;`")
-    return road_of(features, name, choice)
+    return road_of(features, name, options)
 
 
 def _geometry(element: Json, nodes: dict[Any, list[Any]]) -> Json | None:

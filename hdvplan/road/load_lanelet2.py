@@ -18,9 +18,9 @@ from shapely.ops import nearest_points, substring
 from hdvplan.errors import RoadError
 from hdvplan.road.assemble import road_of
 from hdvplan.road.crs import LONLAT
-from hdvplan.road.features import Choice, Feature
+from hdvplan.road.features import Feature
 from hdvplan.road.line import RawRoad
-from hdvplan.road.options import Corners, ids_of
+from hdvplan.road.options import Corners, RoadOptions, ids_of
 from hdvplan.texts import some_of
 
 _MARK = re.compile(rb"""<tag\s+k=["']type["']\s+v=["']lanelet["']""")
@@ -58,7 +58,7 @@ def read_lanelet2(path: Path, *, road_ids: str | Sequence[str] | None) -> RawRoa
         )
     ]
     driven = ", ".join(_id(lanelet) for lanelet in route)
-    raw = road_of(features, name, Choice(feature="centreline"))
+    raw = road_of(features, name, RoadOptions(feature="centreline"))
     return replace(raw, notes=(*raw.notes, f"{name}: over lanelets {driven}"))
 
 

@@ -20,9 +20,10 @@ from hdvplan.errors import RoadError
 from hdvplan.road.assemble import road_of
 from hdvplan.road.checks import Unit
 from hdvplan.road.crs import LONLAT, lonlat_of, needs_lonlat
-from hdvplan.road.features import POINTS, Choice, Feature
+from hdvplan.road.features import POINTS, Feature
 from hdvplan.road.line import RawRoad
 from hdvplan.road.load_csv import Table, read_table
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind
 from hdvplan.road.scenarios import NOTICE
 
@@ -44,11 +45,11 @@ _OF_ADDRESSES = re.compile(r"[!?;\t\n\r\ud800-\udfff]")  # what begins another p
 _CONVERT = "ogr2ogr road.gpkg {name}"
 
 
-def read_vector(path: Path, *, crs: str | None = None, choice: Choice, unit: str | None = None) -> RawRoad:
-    """Return the road in the vector file ``path``; ``choice`` says which line.
+def read_vector(path: Path, options: RoadOptions) -> RawRoad:
+    """Return the road in the vector file ``path``; ``options`` say which line.
 
-    The file says its coordinate reference system, layer by layer; ``crs`` overrides it. Without either, as in drawings,
-    coordinates are in ``unit``, else in what a drawing says, else in metres.
+    The file says its coordinate reference system, layer by layer; their ``crs`` overrides it. Without either, as in drawings,
+    coordinates are in their ``unit``, else in what a drawing says, else in metres.
 
     Raises:
         RoadError: GDAL is missing or cannot read the file, or what ``road_of`` refuses.
@@ -66,16 +67,16 @@ def read_vector(path: Path, *, crs: str | None = None, choice: Choice, unit: str
     if head.startswith(_SQLITE):
         _refuse_endless_views(plain)
     try:
-        content = _content(_Source(pyogrio, plain), crs, choice)
+        content = _content(_Source(pyogrio, plain), options)
     except UnicodeDecodeError:
-        content = _content(_Source(pyogrio, plain, _OLD), crs, choice)
+        content = _content(_Source(pyogrio, plain, _OLD), options)
     if isinstance(content, Table):
-        return read_table(content, name, crs=crs, unit=unit)
+        return read_table(content, name, options)
     driver, features = content
     if not features:
         msg = f"{name} has no lines"
         raise RoadError(msg, hint="a road is a line feature; a file that was cut off may have lost its own")
-    return road_of(features, name, choice, Unit(unit, _drawn_in(path) if driver == "DXF" else None), routes=driver in _ROUTES)
+    return road_of(features, name, options, Unit(options.unit, _drawn_in(path) if driver == "DXF" else None), routes=driver in _ROUTES)
 
 
 def _plain(path: Path) -> Path:
@@ -134,7 +135,7 @@ class _Source:
         return [str(title) for title in meta["fields"]], numbers, shapes, columns
 
 
-def _content(source: _Source, crs: str | None, choice: Choice) -> Table | tuple[str, list[Feature]]:
+def _content(source: _Source, options: RoadOptions) -> Table | tuple[str, list[Feature]]:
     """Return the table in a spreadsheet, or of other files the driver and the lines and polygons."""
     errors = source.pyogrio.errors
     with warnings.catch_warnings():
@@ -144,8 +145,8 @@ def _content(source: _Source, crs: str | None, choice: Choice) -> Table | tuple[
             layers = _layers(source)
             driver = layers[0][2] if layers else ""
             if driver in _SHEETS:
-                return _sheet(source, layers, choice)
-            return driver, [feature for layer, system, _ in layers for feature in _features(source, layer, crs or system, driver)]
+                return _sheet(source, layers, options)
+            return driver, [feature for layer, system, _ in layers for feature in _features(source, layer, options.crs or system, driver)]
         except UnicodeDecodeError as error:
             if source.encoding is None:
                 raise
@@ -230,12 +231,12 @@ def _value(value: Any, title: str) -> object:  # noqa: ANN401 - whatever a datab
     return plain
 
 
-def _sheet(source: _Source, layers: list[tuple[str, str | None, str]], choice: Choice) -> Table:
-    """Return the table in a spreadsheet: its only sheet, or the one that ``choice`` calls for."""
+def _sheet(source: _Source, layers: list[tuple[str, str | None, str]], options: RoadOptions) -> Table:
+    """Return the table in a spreadsheet: its only sheet, or the one that ``options`` call for."""
     sheets = [layer for layer, _, _ in layers]
-    wanted = [sheet for sheet in sheets if choice.layer in {None, sheet}]
+    wanted = [sheet for sheet in sheets if options.layer in {None, sheet}]
     if len(wanted) != 1:
-        what = "none is chosen" if choice.layer is None else f"none is called {choice.layer!r}"
+        what = "none is chosen" if options.layer is None else f"none is called {options.layer!r}"
         msg = f"{source.path.name}: {len(sheets)} sheets, and {what}: {', '.join(map(repr, sheets))[:200]}"
         raise RoadError(msg, hint="choose one with --layer")
     titles, numbers, _, columns = source.read(wanted[0])

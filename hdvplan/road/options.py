@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from typing import Annotated
 
 from hdvplan.errors import OptionError, RoadError
@@ -22,6 +23,14 @@ class Corners(StrEnum):
     AUTO = "auto"
     SHARP = "sharp"
     ROUND = "round"
+
+
+class Role(StrEnum):
+    """What a feature beside the line is."""
+
+    OBSTACLE = "obstacle"
+    SWEEPABLE = "sweepable"
+    EDGE = "edge"
 
 
 @dataclass(frozen=True)
@@ -99,9 +108,30 @@ class RoadOptions:
             msg = f"road_ids must be ids of roads as text, not {ids!r}"
             raise OptionError(msg, hint='such as "3,12,-5" or ("3", "12", "-5")')
 
+    @cached_property
+    def named_roles(self) -> dict[str, Role]:
+        """The roles of layers and features by their names.
+
+        Raises:
+            OptionError: a text is not of the form ``hoarding=obstacle``, or names no role.
+
+        """
+        roles: dict[str, Role] = {}
+        for text in self.roles:
+            name, _, role = text.rpartition("=")
+            role = role.casefold()
+            if not name or role not in list(Role):
+                msg = f"--role {text!r} is not NAME=ROLE; a role is {', '.join(list(Role)[:-1])} or {list(Role)[-1]}"
+                raise OptionError(msg, hint="NAME is a layer or a feature of the road file, such as --role hoarding=obstacle")
+            roles[name] = Role(role)
+        return roles
+
     def followed_by(self, max_curvature: float) -> RoadOptions:
         """Return the options for a vehicle that turns by at most ``max_curvature`` [1/m]."""
         return replace(self, max_curvature=min(REFERENCE_SLACK * max_curvature, _TIGHTEST))
+
+
+USUAL = RoadOptions()
 
 
 def ids_of(road_ids: str | Sequence[str]) -> list[str]:

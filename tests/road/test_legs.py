@@ -105,7 +105,7 @@ def test_any_table_of_legs_is_cut_where_its_line_turns_back(turns: list[list[flo
     for number, own in enumerate(turns):
         line, pose = drawn(pose, [(2.0 * (-1.0 if number % 2 else 1.0), angle / 2.0) for angle in own], spacing=2.0)
         lines.append(line)
-    raw = read_csv(table_of(lines, cusps), "turn.csv", unit="m")
+    raw = read_csv(table_of(lines, cusps), "turn.csv", RoadOptions(unit="m"))
     assert [one.backward for one in raw.legs] == [number % 2 == 1 for number in range(len(turns))]
     for one, line in zip(raw.legs, lines, strict=True):
         np.testing.assert_array_equal(one.raw.points, line)

@@ -7,6 +7,7 @@ import pytest
 
 from hdvplan.errors import RoadError
 from hdvplan.road.load_csv import read_csv
+from hdvplan.road.options import RoadOptions
 
 
 @pytest.mark.parametrize(
@@ -49,13 +50,13 @@ def test_swapped_longitude_and_latitude_are_said_to_be() -> None:
 
 
 def test_a_system_gives_map_coordinates_their_longitude_and_latitude() -> None:
-    raw = read_csv("x,y\n500000,6400000\n500100,6400000\n", "f", crs="EPSG:3006")
+    raw = read_csv("x,y\n500000,6400000\n500100,6400000\n", "f", RoadOptions(crs="EPSG:3006"))
     np.testing.assert_array_equal(raw.points[0], [500000.0, 6400000.0])
     assert raw.to_lonlat is not None
     lon, _ = raw.to_lonlat(raw.points[:, 0], raw.points[:, 1])
     assert lon[0] == pytest.approx(15.0, abs=1e-9)  # SWEREF 99 TM's central meridian
     with pytest.raises(RoadError, match="degrees, but EPSG:3006 is projected"):
-        read_csv("lon,lat\n11,57\n11,58\n", "f", crs="EPSG:3006")
+        read_csv("lon,lat\n11,57\n11,58\n", "f", RoadOptions(crs="EPSG:3006"))
 
 
 @pytest.mark.parametrize(
@@ -113,4 +114,5 @@ def test_coordinates_that_can_only_be_degrees_are_read_as_such_with_a_note() -> 
     raw = read_csv("X,Y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "f")
     assert raw.to_lonlat is not None
     assert raw.notes == ("f: columns X, Y are read as longitude and latitude, for metres they are too close together",)
-    np.testing.assert_allclose(read_csv("X,Y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "f", crs="EPSG:4326").points, raw.points)
+    told = read_csv("X,Y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "f", RoadOptions(crs="EPSG:4326"))
+    np.testing.assert_allclose(told.points, raw.points)

@@ -13,19 +13,18 @@ import shapely
 
 from hdvplan.errors import RoadError
 from hdvplan.road.crs import ToLonLat
-from hdvplan.road.features import Choice
 from hdvplan.road.line import RawRoad
 from hdvplan.road.load import load_road
 from hdvplan.road.load_json import json_object
 from hdvplan.road.load_json import read_geojson as read_document
+from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind
 
-ANY = Choice()
 LINE = [[11.97, 57.70], [11.971, 57.701], [11.972, 57.7015]]
 
 
-def read_geojson(text: str, name: str, crs: str | None = None, choice: Choice = ANY) -> RawRoad:
-    return read_document(json_object(text, name), name, crs=crs, choice=choice)
+def read_geojson(text: str, name: str, **options: str) -> RawRoad:
+    return read_document(json_object(text, name), name, RoadOptions(**options))  # type: ignore[arg-type]  # all of these are texts
 
 
 def geometry(coordinates: Any = LINE, kind: str = "LineString") -> dict[str, Any]:  # noqa: ANN401
@@ -57,12 +56,12 @@ def test_points_return_to_their_longitude_and_latitude() -> None:
 
 def test_one_of_several_lines_is_chosen_by_name_or_id() -> None:
     text = collection(feature(name="north"), feature(geometry(LINE[::-1]), name="south", id=7))
-    north, south = read_geojson(text, "f", choice=Choice(feature="north")), read_geojson(text, "f", choice=Choice(feature="7"))
+    north, south = read_geojson(text, "f", feature="north"), read_geojson(text, "f", feature="7")
     np.testing.assert_allclose(north.points, south.points[::-1], atol=1e-9)  # the same line backwards
     with pytest.raises(RoadError, match="2 lines, and none is chosen: 'north', 'south'"):
         read_geojson(text, "f")
     with pytest.raises(RoadError, match="no line is called 'west'; there are 'north', 'south'"):
-        read_geojson(text, "f", choice=Choice(feature="west"))
+        read_geojson(text, "f", feature="west")
 
 
 def test_parts_are_joined_in_their_direction_whatever_their_order() -> None:

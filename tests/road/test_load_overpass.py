@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from hdvplan.errors import RoadError
-from hdvplan.road.features import Choice
 from hdvplan.road.load_json import read_overpass
+from hdvplan.road.options import RoadOptions
 
 PLACES = [{"lat": 57.7, "lon": 11.95}, {"lat": 57.7, "lon": 11.951}, {"lat": 57.701, "lon": 11.952}]
 WAY = {"type": "way", "id": 7, "geometry": PLACES, "tags": {"name": "Hamngatan", "region": "west", "edge": "left"}}
 
 
 def read(*elements: Any, feature: str | None = None) -> Any:  # noqa: ANN401 - JSON
-    return read_overpass({"elements": list(elements)}, "f", choice=Choice(feature=feature))
+    return read_overpass({"elements": list(elements)}, "f", RoadOptions(feature=feature))
 
 
 def test_a_way_with_its_geometry_is_a_road_with_the_attribution_of_the_map() -> None:
@@ -53,4 +53,4 @@ def test_nodes_and_roles_that_are_lists_are_no_nodes_and_no_roles() -> None:
     way = {"type": "way", "id": 1, "nodes": [[7], [7]]}
     relation = {"type": "relation", "id": 2, "members": [{"type": "way", "role": ["stop"], "nodes": [[7]]}]}
     with pytest.raises(RoadError, match="no way with a geometry among 4 elements"):
-        read_overpass({"elements": [node, {**node, "id": 8}, way, relation]}, "road", choice=Choice())
+        read_overpass({"elements": [node, {**node, "id": 8}, way, relation]}, "road")

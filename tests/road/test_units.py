@@ -167,7 +167,7 @@ FEET = "x_ft,y_ft,left_ft,right_ft\n0,0,10,12\n500,0,10,12\n"
     ],
 )
 def test_tables_may_be_in_feet_and_other_units(text: str, unit: str | None) -> None:
-    raw = read_csv(text, "f", unit=unit)
+    raw = read_csv(text, "f", RoadOptions(unit=unit))
     np.testing.assert_allclose(raw.points, [[0.0, 0.0], [152.4, 0.0]], rtol=1e-15)  # a product's rounding
     assert raw.reaches is not None
     np.testing.assert_allclose(raw.reaches[:, 1], [3.048, 3.6576] * 2, rtol=1e-15)
@@ -185,7 +185,7 @@ def test_tables_may_be_in_feet_and_other_units(text: str, unit: str | None) -> N
     ],
 )
 def test_profiles_may_be_in_feet_and_curvatures_per_foot(text: str, unit: str | None) -> None:
-    raw = read_csv(text, "f", unit=unit)
+    raw = read_csv(text, "f", RoadOptions(unit=unit))
     assert raw.is_profile
     np.testing.assert_allclose(raw.points, [[0.0, 0.01], [152.4, 0.0]], rtol=1e-15)  # as above
     assert raw.reaches is not None
@@ -227,7 +227,7 @@ def test_a_unit_is_refused_where_it_says_nothing(
 
 def test_feet_have_no_place_in_a_system_in_metres_and_units_have_names() -> None:
     with pytest.raises(RoadError, match="columns x_ft, y_ft are not in metres, but EPSG:3006 is"):
-        read_csv(FEET, "f", crs="EPSG:3006")
+        read_csv(FEET, "f", RoadOptions(crs="EPSG:3006"))
     with pytest.raises(OptionError, match="unit must be mm, cm, m, ft or in, not 'km'"):
         RoadOptions(unit="km")
 
