@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.driving.drive import simulate
 from hdvplan.driving.legs import drive_legs, ready_legs
 from hdvplan.errors import HdvplanError

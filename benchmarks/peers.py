@@ -20,7 +20,7 @@ from exact_nlp import Method, Optimum, deepest_cut, exact_nlp
 from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.machine import machine_facts, use_one_thread
 from hdvplan.planning.objectives import geometric

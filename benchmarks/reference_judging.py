@@ -9,7 +9,7 @@ from reference_scenes import Quantities, Told, case_of, error_of
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.driving.drive import POSE_SPACING_M, Drive, simulate
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.balance import KEPT_M

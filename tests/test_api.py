@@ -91,7 +91,7 @@ def test_a_second_plan_of_its_kind_tabulates_nothing(monkeypatch: pytest.MonkeyP
         tabulated.append(vehicle.name)
         return stationary(vehicle, curvature)
 
-    monkeypatch.setattr("hdvplan.centring.weights.stationary", tabulate)
+    monkeypatch.setattr("hdvplan.centring.stationary.stationary", tabulate)
     unit = hdvplan.Unit(wheelbase=6.0, front_overhang=2.7, rear_overhang=3.3, width=2.55)
     first, second = hdvplan.Vehicle("first", (unit,)), hdvplan.Vehicle("second", (unit, replace(unit, front_overhang=0.0)))
     case = hdvplan.Case(hdvplan.load_road("sturn"), first, settings=hdvplan.PlannerSettings(horizon=50.0))

@@ -5,13 +5,15 @@ the centre follows from the body ahead: both see their common coupling at the sa
 furthest corner of any body, tail included; the innermost is the foot of the centre on a body's inner edge, or that
 edge's nearer corner; and [GEO]'s balance asks that both are equally far from the road's centre. Everything is solved
 numerically, for any chain, with or without steered axles; for a bus and a tractor-trailer it is sections IV-B and IV-C of [GEO].
+
+A table over curvatures is solved once for each vehicle: one root search a stage would cost more than the whole planning step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
@@ -49,17 +51,12 @@ class Centring:
     @property
     def weight(self) -> FloatArray:
         """K, the lead axle's coefficient per auxiliary axle's; held at +-1000 where the lead axle alone is centred."""
-        return ratio(self.lead, self.aux)
+        return self.lead / np.where(np.abs(self.aux) < _LEAST * np.abs(self.lead), np.copysign(_LEAST * self.lead, self.aux), self.aux)
 
     @cached_property
     def states(self) -> FloatArray:
         """The vehicle's road-aligned states, shape (n, states)."""
         return np.column_stack([self.e_y, self.e_psi, self.beta, self.steering])
-
-
-def ratio(lead: FloatArray, aux: FloatArray) -> FloatArray:
-    """Return K = lead / aux, held at +-1000 where ``aux`` vanishes."""
-    return lead / np.where(np.abs(aux) < _LEAST * np.abs(lead), np.copysign(_LEAST * lead, aux), aux)
 
 
 def coefficients(e_y: FloatArray, e_aux: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -149,12 +146,8 @@ def stationary(vehicle: Vehicle, road_curvature: FloatArray) -> Centring:
     kappa = np.full(k.shape, limit[0])
     if not np.all(saturated):
         wanted = bent[~saturated]
-
-        def excess(kappa: FloatArray) -> FloatArray:
-            over: FloatArray = _circle(vehicle, kappa).road_curvature - wanted
-            return over
-
-        kappa[~saturated] = find_roots(excess, np.full_like(wanted, 0.1 * _STRAIGHT), np.full_like(wanted, limit[0]))
+        low, high = np.full_like(wanted, 0.1 * _STRAIGHT), np.full_like(wanted, limit[0])
+        kappa[~saturated] = find_roots(lambda kappa: _circle(vehicle, kappa).road_curvature - wanted, low, high)
     circle = _circle(vehicle, kappa)
     middle = 0.5 * (circle.outer + circle.inner)  # of the road, as the circle's offsets
     axle = auxiliary_axle(vehicle)
@@ -274,3 +267,34 @@ def find_roots(rising: Callable[[FloatArray], FloatArray], low: FloatArray, high
         at_high = np.where(above, at, np.where(stayed < 0.0, 0.5, 1.0) * at_high)
         low, high, stayed = np.where(above, low, x), np.where(above, x, high), np.where(above, 1.0, -1.0)
     return x
+
+
+_TABLE = np.linspace(0.0, 0.5, 2001)  # road curvatures [1/m]; linear interpolation errs by less than 1e-6 in K up to 0.1 1/m
+_KEPT = 64  # tables of some 200 kB
+
+
+@dataclass(frozen=True)
+class CentringTable:
+    """One vehicle's stationary geometry over curvature."""
+
+    grid: Centring  # over ``_TABLE``
+    tightest_road: float  # [1/m]
+
+    @classmethod
+    @lru_cache(maxsize=_KEPT)
+    def of(cls, vehicle: Vehicle) -> CentringTable:
+        """Tabulate the balanced circles of ``vehicle``; the last vehicles' tables are kept."""
+        return cls(stationary(vehicle, _TABLE), tightest_road(vehicle))
+
+    def at(self, road_curvature: FloatArray) -> Centring:
+        """Return the geometry at signed road curvatures [1/m]; beyond the tightest circle it is held."""
+        grid, sign, k = self.grid, np.sign(road_curvature), np.abs(road_curvature)
+        column: Callable[[FloatArray], FloatArray] = partial(np.interp, k, _TABLE)
+
+        def columns(values: FloatArray) -> FloatArray:
+            return np.stack([sign * column(one) for one in values.T], axis=-1) if values.size else np.empty((len(k), 0))
+
+        even = {name: column(getattr(grid, name)) for name in ("lead", "aux", "half_width")}
+        odd = {name: sign * column(getattr(grid, name)) for name in ("target", "kappa", "e_y", "e_aux", "e_psi")}
+        saturated = k >= self.tightest_road
+        return Centring(**even, **odd, axle=grid.axle, beta=columns(grid.beta), steering=columns(grid.steering), saturated=saturated)

@@ -9,7 +9,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.driving.start import Start, approach_to, kept_start, lies_beside, start_of
 from hdvplan.errors import PlanError, RoadError
 from hdvplan.planning.bias import NONE, Bias

@@ -9,7 +9,7 @@ import numpy as np
 import scipy  # its subpackages load when they are first used
 
 from hdvplan.arrays import BoolArray, FloatArray
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.driving.drive import POSE_SPACING_M, Drive, simulate
 from hdvplan.driving.given import PLANE_HINT, GivenPath, unit_hint
 from hdvplan.driving.start import start_of

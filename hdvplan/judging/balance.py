@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import part_named
 from hdvplan.judging.clearance import Touches, half_width_of, touches_of

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hdvplan.arrays import BoolArray, FloatArray
-from hdvplan.centring.stationary import swept_band
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable, swept_band
 from hdvplan.road.road import Road
 from hdvplan.vehicle.model import Vehicle
 

@@ -12,8 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray, running
 from hdvplan.case import Case
-from hdvplan.centring.stationary import Centring
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import Centring, CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M, Balance, Gaps, balance_of, gaps_of
 from hdvplan.judging.bodies import corners, swept_pieces, united

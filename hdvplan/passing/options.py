@@ -10,7 +10,7 @@ import shapely
 
 from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.errors import RoadError
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.road.passages import Passage

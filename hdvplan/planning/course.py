@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from hdvplan.arrays import FloatArray, IntArray
-from hdvplan.centring.stationary import Centring
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import Centring, CentringTable
 from hdvplan.planning.stations import ROOM_M, Stations, sampled
 from hdvplan.road.legs import Leg
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples

@@ -13,8 +13,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import FloatArray, Records, running
-from hdvplan.centring.stationary import Centring
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import Centring, CentringTable
 from hdvplan.planning.bias import NONE, Bias, shifted
 from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.road.pieces import Pieces

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.centring.stationary import stationary
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable, stationary
 from hdvplan.judging.result import Result
 from hdvplan.planning.objectives import Goal, Objective, axle_max
 from hdvplan.planning.stations import Stations

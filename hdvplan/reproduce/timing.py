@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from hdvplan.api import drive_case
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.machine import machine_facts
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.report.style import plain_decades, styled

@@ -10,10 +10,9 @@ import scipy  # its subpackages load when they are first used
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up
 from hdvplan.errors import RoadError
-from hdvplan.road.about import About
 from hdvplan.road.chains import OVERLAP_M, chained, gaps
 from hdvplan.road.crs import ELSEWHERE_HINT
-from hdvplan.road.limits import Limits
+from hdvplan.road.limits import About, Limits
 from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.pieces import Kerb, between
 from hdvplan.road.regions import OPEN_M

@@ -12,11 +12,10 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.road.about import About
 from hdvplan.road.checks import MAX_LENGTH_M, MIN_LENGTH_M
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.given import given_line
-from hdvplan.road.limits import Limits
+from hdvplan.road.limits import About, Limits
 from hdvplan.road.options import OF_POINTS, Corners, RoadOptions, refuse_unheeded
 from hdvplan.road.path import from_curvature
 from hdvplan.road.pieces import Kerb

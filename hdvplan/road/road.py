@@ -10,8 +10,7 @@ import numpy as np
 import shapely
 
 from hdvplan.arrays import FloatArray
-from hdvplan.road.about import About
-from hdvplan.road.limits import Limits
+from hdvplan.road.limits import About, Limits
 from hdvplan.road.passages import Line, Passage, furthest, normals, offsets_of, passages_of
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.pieces import Kerb

@@ -14,7 +14,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.arrays import BoolArray, FloatArray, Records, running
-from hdvplan.road.about import About
+from hdvplan.road.limits import About
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.pieces import Kerb, Pieces, between, in_order, laid_out, replaced_by
 

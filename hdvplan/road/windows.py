@@ -15,8 +15,7 @@ import numpy as np
 
 from hdvplan.arrays import BoolArray, FloatArray, chord_of
 from hdvplan.errors import RoadError
-from hdvplan.road.about import About
-from hdvplan.road.limits import Limits
+from hdvplan.road.limits import About, Limits
 from hdvplan.road.line import Line, RawRoad, noted_again, offset_road, reversed_road, smoothed
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.pieces import Kerb

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme

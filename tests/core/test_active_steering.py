@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.stationary import stationary
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable, stationary
 from hdvplan.driving.drive import Drive, drive, simulate
 from hdvplan.judging.envelope import Envelope
 from hdvplan.planning.assembly import assemble

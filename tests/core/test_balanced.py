@@ -10,7 +10,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.judging.result import Result
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal, Objective, balanced, geometric

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import OptionError
 from hdvplan.judging.envelope import Envelope

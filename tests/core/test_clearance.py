@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.stationary import stationary
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable, stationary
 from hdvplan.driving.drive import Drive, simulate
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.clearance import touches_of

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.stationary import stationary
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable, stationary
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.bodies import contact

@@ -3,7 +3,7 @@ import pytest
 from scipy.optimize import LinearConstraint, minimize
 
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.errors import OptionError, SolverError
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.objectives import geometric

@@ -6,7 +6,7 @@ import pytest
 from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.errors import OptionError
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import OBJECTIVES, Goal, Objective, art_weighted, axle_max, body_max, geometric, objective_named

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings

@@ -8,7 +8,7 @@ import pytest
 from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.driving.start import Start, kept_start, lies_beside, start_of
 from hdvplan.judging.envelope import Envelope

@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from hdvplan.centring.stationary import coefficients, stationary, tightest_kappa, tightest_road
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable, coefficients, stationary, tightest_kappa, tightest_road
 from hdvplan.vehicle.load import load_vehicle, preset_names
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import few, three_units

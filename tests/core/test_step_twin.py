@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.objectives import Objective, balanced, body_max, geometric
 from hdvplan.planning.planner import Planner

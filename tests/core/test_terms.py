@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdvplan.arrays import FloatArray
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.planning import planner as planner_module
 from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import OBJECTIVES, Goal, axle_max, balanced, body_max, geometric

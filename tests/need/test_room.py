@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hdvplan import api
 from hdvplan.api import plan
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.clearance import SIDES
 from hdvplan.judging.result import Result

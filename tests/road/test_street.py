@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import RoadError
-from hdvplan.road.about import About
 from hdvplan.road.drawn import drawn_kerbs
 from hdvplan.road.given import given_line
-from hdvplan.road.limits import Limits
+from hdvplan.road.limits import About, Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature

@@ -20,9 +20,8 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
 from hdvplan.judging.verdict import Verdict, verdict_of
-from hdvplan.road.about import About
 from hdvplan.road.given import given_line
-from hdvplan.road.limits import Limits
+from hdvplan.road.limits import About, Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
 from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions

@@ -9,7 +9,7 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.suite import AS_SET, Suite
 from hdvplan.case import Case
-from hdvplan.centring.weights import CentringTable
+from hdvplan.centring.stationary import CentringTable
 from hdvplan.errors import RoadError
 from hdvplan.road.limits import Limits
 from hdvplan.road.load import find_road
