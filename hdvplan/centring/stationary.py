@@ -231,8 +231,7 @@ def _pull(unit: Unit, length: FloatArray, off: FloatArray) -> tuple[FloatArray, 
         return np.arcsin(np.minimum(length, 1.0)), length <= 1.0
 
     def reach(pull: FloatArray) -> FloatArray:
-        total: FloatArray = np.sin(pull) + np.cos(pull) * np.tan(_steered(unit, pull + off))
-        return total
+        return np.asarray(np.sin(pull) + np.cos(pull) * np.tan(_steered(unit, pull + off)))
 
     quarter = 0.5 * np.pi
     last: FloatArray = np.maximum((quarter - unit.steering_ratio * off) / (1.0 + unit.steering_ratio), quarter - unit.max_steering_angle)

@@ -169,8 +169,7 @@ class _Curve:
     def heading(self, t: FloatArray) -> FloatArray:
         """Return its continuous headings [rad]."""
         dx, dy = self.position(t, 1).T
-        angles: FloatArray = np.unwrap(np.arctan2(dy, dx))
-        return angles
+        return np.asarray(np.unwrap(np.arctan2(dy, dx)))
 
     def where(self, line: ReferencePath, s: FloatArray, feet: FloatArray) -> FloatArray:
         """Return where on the curve the line's normals at ``s`` [m] meet it, (n,) [m]; ``feet`` are those of its points."""

@@ -85,8 +85,7 @@ class GivenPath:
     @property
     def spacing(self) -> FloatArray:
         """How far apart its points are, (n - 1,) [m]."""
-        spacing: FloatArray = np.hypot(*np.diff(self.points, axis=0).T)
-        return spacing
+        return np.asarray(np.hypot(*np.diff(self.points, axis=0).T))
 
     @property
     def otherwise(self) -> GivenPath:

@@ -53,14 +53,12 @@ class Envelope:
     @property
     def reach_left(self) -> FloatArray:
         """Furthest left reach of any body, shape (n,) [m]."""
-        reach: FloatArray = np.fmax.reduce(self.left, axis=0)
-        return reach
+        return np.asarray(np.fmax.reduce(self.left, axis=0))
 
     @property
     def reach_right(self) -> FloatArray:
         """Furthest right reach of any body, signed (negative), shape (n,) [m]."""
-        reach: FloatArray = np.fmin.reduce(self.right, axis=0)
-        return reach
+        return np.asarray(np.fmin.reduce(self.right, axis=0))
 
     @cached_property
     def _reaches(self) -> tuple[FloatArray, FloatArray]:

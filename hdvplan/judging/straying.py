@@ -261,5 +261,4 @@ class Tracked:
 def _closing(gap: FloatArray, gain: FloatArray, remainder: FloatArray, error: float) -> FloatArray:
     """Return with which errors gaps [m] may close, (n,) [m]; remainders [m] are those of ``error``, and grow as its square, or nearly."""
     gap, square = np.maximum(gap, 0.0), np.minimum(remainder / error**2, 1.0 / ROUNDED_M**2)
-    found: FloatArray = 2.0 * gap / np.maximum(gain + np.sqrt(gain**2 + 4.0 * square * gap), _LEAST)
-    return found
+    return np.asarray(2.0 * gap / np.maximum(gain + np.sqrt(gain**2 + 4.0 * square * gap), _LEAST))

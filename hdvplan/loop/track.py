@@ -70,8 +70,7 @@ class Track:
         place = np.clip(way / SPACING_M, 0.0, len(values) - 1.001)
         low = place.astype(int)
         part = (place - low).reshape(-1, *(1,) * (values.ndim - 1))
-        found: FloatArray = values[low] + part * (values[low + 1] - values[low])
-        return found
+        return np.asarray(values[low] + part * (values[low + 1] - values[low]))
 
 
 @dataclass(frozen=True)
@@ -108,8 +107,7 @@ def pure_pursuit(track: Track, seen: Seen) -> FloatArray:
     front = track.front(seen.way) + seen.offset[:, None] * np.stack([np.cos(left), np.sin(left)], axis=1)
     goal = track.at(track.rear, np.interp(track.at(track.behind, seen.way) + ahead, track.behind, track.front.x))
     dx, dy = (goal - front + track.wheelbase * np.stack([np.cos(heading), np.sin(heading)], axis=1)).T
-    angles: FloatArray = np.arctan(2.0 * track.wheelbase * (dy * np.cos(heading) - dx * np.sin(heading)) / (dx**2 + dy**2))
-    return angles
+    return np.asarray(np.arctan(2.0 * track.wheelbase * (dy * np.cos(heading) - dx * np.sin(heading)) / (dx**2 + dy**2)))
 
 
 def stanley(track: Track, seen: Seen) -> FloatArray:

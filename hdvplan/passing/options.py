@@ -68,8 +68,7 @@ def _shares(road: Road, spans: FloatArray, number: int) -> BoolArray:
     """Return which passages share a place of the road with one of them, shape (passages,); ``spans`` are where they begin and end [m]."""
     begin, end = spans
     laps = road.path.length * np.array([-1.0, 0.0, 1.0]) if road.path.closed else np.zeros(1)
-    shared: BoolArray = np.any([(begin + lap <= end[number]) & (end + lap >= begin[number]) for lap in laps], axis=0)
-    return shared
+    return np.asarray(np.any([(begin + lap <= end[number]) & (end + lap >= begin[number]) for lap in laps], axis=0))
 
 
 def spans_of(passages: Sequence[Passage]) -> FloatArray:

@@ -60,8 +60,7 @@ class Stations:
     def ahead(self, values: FloatArray, by: float) -> FloatArray:
         """Return what ``values`` (n,) of the stations are ``by`` further along the line than each of them [m], between them linear."""
         order = np.argsort(self.s, kind="stable")  # those of a leg that is driven backwards come in the opposite order
-        found: FloatArray = np.interp(self.s + by, self.s[order], values[order])
-        return found
+        return np.asarray(np.interp(self.s + by, self.s[order], values[order]))
 
 
 def stations_of(road: Road, vehicle: Vehicle, table: CentringTable, *, step: float, horizon: float, bias: Bias = NONE) -> Stations:
@@ -121,8 +120,7 @@ def _margin(points: Records, vehicle: Vehicle, step: float) -> FloatArray:
     """
     turning = max(unit.max_steering_rate for unit in vehicle.units)  # of an actively steered axle's wheels
     bend = vehicle.max_curvature + turning + np.maximum(np.abs(points["k_low"]), np.abs(points["k_high"]))
-    bow: FloatArray = _CHORD_M + bend * (_STRETCH * step / BETWEEN) ** 2 / 8.0
-    return bow
+    return np.asarray(_CHORD_M + bend * (_STRETCH * step / BETWEEN) ** 2 / 8.0)
 
 
 def _around(path: ReferencePath, street: Pieces | None, s: FloatArray, vehicle: Vehicle) -> FloatArray:

@@ -160,8 +160,7 @@ def _leads_on(s: FloatArray, offset: FloatArray) -> bool:
 
 def _weights(offset: FloatArray) -> FloatArray:
     """Return how much places count for the arclengths of their line: little where they are far from the road."""
-    counts: FloatArray = (1.0 + offset**2) ** -2
-    return counts
+    return np.asarray((1.0 + offset**2) ** -2)
 
 
 def rising(s: FloatArray, offset: FloatArray) -> FloatArray:
@@ -172,8 +171,7 @@ def rising(s: FloatArray, offset: FloatArray) -> FloatArray:
     ahead: FloatArray = np.maximum.accumulate(s)
     if np.max(ahead - np.minimum.accumulate(s[::-1])[::-1]) <= OVERLAP_M:
         return ahead
-    rising: FloatArray = scipy.optimize.isotonic_regression(s, weights=_weights(offset)).x
-    return rising
+    return np.asarray(scipy.optimize.isotonic_regression(s, weights=_weights(offset)).x)
 
 
 def _refuse_wall(path: ReferencePath, s: FloatArray, offset: FloatArray, crossing: int) -> None:

@@ -83,8 +83,7 @@ class Geometry:
         _, b, c, d = self.values
         speed = [np.hypot(1.0, b + x * (2.0 * c + 3.0 * d * x)) for x in (grid[:-1, None] + half[:, None] * (_NODES + 1.0), grid)]
         arclength = np.concatenate([[0.0], np.cumsum(speed[0] @ _WEIGHTS * half)])
-        parameter: FloatArray = CubicHermiteSpline(arclength, grid, 1.0 / speed[1])(u)
-        return parameter
+        return np.asarray(CubicHermiteSpline(arclength, grid, 1.0 / speed[1])(u))
 
 
 def _cubic(p: FloatArray, along: tuple[float, ...], across: tuple[float, ...]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -170,8 +170,7 @@ def _ring_beside(line: Line, polygon: shapely.Polygon) -> FloatArray:
     start = shapely.Point(line.samples[1:3, 0])
     polygon = shapely.geometry.polygon.orient(polygon)
     hole = next((ring for ring in polygon.interiors if shapely.Polygon(ring).contains(start)), polygon.exterior)
-    points: FloatArray = densely(np.asarray(hole.coords))[0][:-1]
-    return points
+    return np.asarray(densely(np.asarray(hole.coords))[0][:-1])
 
 
 def _arms(feet: Feet, path: ReferencePath) -> Iterator[Feet]:

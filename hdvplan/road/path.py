@@ -217,8 +217,7 @@ def from_curvature(
     def heading(at: FloatArray) -> FloatArray:
         piece = np.clip(np.searchsorted(s, at, side="right") - 1, 0, len(s) - 2)
         over = at - s[piece]
-        angle: FloatArray = turned[piece] + over * (curvature[piece] + 0.5 * over * slope[piece])
-        return angle
+        return np.asarray(turned[piece] + over * (curvature[piece] + 0.5 * over * slope[piece]))
 
     inner = heading(knots[:-1, None] + 0.5 * step * (_NODES + 1.0))
     x = np.concatenate([[0.0], np.cumsum(np.cos(inner) @ _WEIGHTS * 0.5 * step)])

@@ -279,8 +279,7 @@ def _crossed(origin: FloatArray, towards: FloatArray, chords: FloatArray) -> Flo
     turn = towards[:, 0] * chord[:, 1] - towards[:, 1] * chord[:, 0]
     across = start[:, 0] * chord[:, 1] - start[:, 1] * chord[:, 0]
     met = np.divide(across, turn, out=along[:, 0].copy(), where=turn != 0.0)  # where they lie on each other, the nearer end
-    reach: FloatArray = np.maximum(np.clip(met, *along.T), 0.0)
-    return reach
+    return np.asarray(np.maximum(np.clip(met, *along.T), 0.0))
 
 
 def _places(path: ReferencePath) -> FloatArray:

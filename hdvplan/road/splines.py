@@ -152,15 +152,13 @@ def densified(chord: FloatArray) -> FloatArray:
     """Return chord lengths no further apart than ``_DENSE_M`` that include the given ones."""
     pieces = np.maximum(1, np.ceil(np.diff(chord) / _DENSE_M - 0.01))
     number = np.concatenate([[0.0], np.cumsum(pieces)])
-    u: FloatArray = np.interp(np.arange(number[-1] + 1.0), number, chord)
-    return u
+    return np.asarray(np.interp(np.arange(number[-1] + 1.0), number, chord))
 
 
 def shares(u: FloatArray) -> FloatArray:
     """Return the length of line that each sample stands for [m]."""
     half = 0.5 * np.diff(u)
-    shares: FloatArray = np.append(half, 0.0) + np.append(0.0, half)
-    return shares
+    return np.asarray(np.append(half, 0.0) + np.append(0.0, half))
 
 
 def smoothing_lengths(vertices: FloatArray, chord: FloatArray, u: FloatArray, *, closed: bool) -> FloatArray:

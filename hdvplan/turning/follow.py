@@ -55,8 +55,7 @@ class Followed:
     @property
     def steering(self) -> FloatArray:
         """Angle of the front wheels (n,) [rad]."""
-        angle: FloatArray = np.arctan(self.vehicle.lead.wheelbase * self.kappa)
-        return angle
+        return np.asarray(np.arctan(self.vehicle.lead.wheelbase * self.kappa))
 
     def points(self, unit: int, ahead: FloatArray, left: FloatArray) -> FloatArray:
         """Return body points of ``unit``, ``ahead`` of its axle and ``left`` of its axis [m], at all poses: (n, len(ahead), 2)."""

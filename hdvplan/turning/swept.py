@@ -57,8 +57,7 @@ class Chart:
 
     def within(self, t: FloatArray) -> FloatArray:
         """Return the nearest places between the cross-sections where the turn begins and ends."""
-        inside: FloatArray = np.clip(t, 0.0, self.length)
-        return inside
+        return np.asarray(np.clip(t, 0.0, self.length))
 
     def metres(self, t: FloatArray, share: FloatArray) -> FloatArray:
         """Return ``t`` as metres in the plane at ``share`` radii from the centre: in between, t is the length of the arc itself."""
@@ -77,8 +76,7 @@ class Band:
     @property
     def width(self) -> FloatArray:
         """Swept width (n,) [m]."""
-        width: FloatArray = self.inner - self.outer
-        return width
+        return np.asarray(self.inner - self.outer)
 
 
 def chart_of(driven: Followed) -> Chart:
@@ -95,8 +93,7 @@ def chart_of(driven: Followed) -> Chart:
 def counted(driven: Followed) -> BoolArray:
     """Tell which poses the figures are taken from: all, or in a full circle those of the last quarter turn, when it is steady."""
     first = 0.0 if driven.manoeuvre.angle is not None else driven.s[-1] - 0.5 * np.pi * driven.manoeuvre.radius
-    late: BoolArray = driven.s >= first
-    return late
+    return np.asarray(driven.s >= first)
 
 
 def places(driven: Followed, chart: Chart, unit: int, ahead: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
