@@ -26,8 +26,7 @@ from hdvplan.planning.terms.centring import Centring
 from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.road.road import Road
 from hdvplan.road.street import look
-from hdvplan.vehicle.body import axles_behind, edge_points
-from hdvplan.vehicle.kinematics import place_many
+from hdvplan.vehicle.kinematics import axles_behind, edge_points, place_many
 from hdvplan.vehicle.model import Unit, Vehicle
 
 _DEGREE = 5

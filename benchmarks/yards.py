@@ -29,8 +29,7 @@ from hdvplan.road.load_legs import within
 from hdvplan.road.path import ReferencePath, evaluate_many, from_curvature, from_samples
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
-from hdvplan.vehicle.body import points_on
-from hdvplan.vehicle.kinematics import place_many
+from hdvplan.vehicle.kinematics import place_many, points_on
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 

@@ -24,8 +24,7 @@ from hdvplan.planning.terms.balance import EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Residual
 from hdvplan.qp.workspace import WorkspaceMaker
 from hdvplan.road.legs import Legs
-from hdvplan.vehicle.body import auxiliary_ahead
-from hdvplan.vehicle.kinematics import place_many
+from hdvplan.vehicle.kinematics import auxiliary_ahead, place_many
 from hdvplan.vehicle.model import Vehicle
 
 HORIZON_M, TRAILER_HORIZON_M = 20.0, 30.0  # with shorter ones preset vehicles, those with trailers, fold backwards: results/legs

@@ -19,8 +19,7 @@ from hdvplan.planning.stations import Stations
 from hdvplan.road.path import ReferencePath, evaluate_many, project_many
 from hdvplan.road.road import Road, part_of
 from hdvplan.road.street import look
-from hdvplan.vehicle.body import axles_behind, points_on
-from hdvplan.vehicle.kinematics import place_many
+from hdvplan.vehicle.kinematics import axles_behind, place_many, points_on
 from hdvplan.vehicle.model import Vehicle
 
 _MOVES = 5  # of a start, until it is kept

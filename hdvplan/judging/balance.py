@@ -13,9 +13,8 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.centring.stationary import CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.bodies import part_named
-from hdvplan.judging.clearance import Touches, half_width_of, touches_of
+from hdvplan.judging.clearance import Approach, Touches, approaches, half_width_of, touches_of
 from hdvplan.judging.envelope import SPACING_M, Envelope
-from hdvplan.judging.obstacles import Approach, approaches
 from hdvplan.vehicle.model import Vehicle
 
 KEPT_M = 0.01  # a limit counts as kept when broken by no more than this, as simulated

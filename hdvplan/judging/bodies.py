@@ -13,8 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.driving.drive import Drive
 from hdvplan.road.path import evaluate_many
-from hdvplan.vehicle.body import WheelTrack, axles_behind, corners_at, points_on, tracks_at
-from hdvplan.vehicle.kinematics import place_many
+from hdvplan.vehicle.kinematics import WheelTrack, axles_behind, corners_at, place_many, points_on, tracks_at
 from hdvplan.vehicle.model import Unit
 
 _GRID_M = 1e-6

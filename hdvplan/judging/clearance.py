@@ -1,18 +1,27 @@
-"""How much room a drive left to the kerbs of its street: the simulated bodies, swept continuously, in the plane."""
+"""How much room a drive left in the plane: to the kerbs of its street, of bodies swept continuously, and to every obstacle.
+
+Neither depends on limits along s.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
+import shapely.affinity
+from numpy.typing import NDArray
 
 from hdvplan import core
-from hdvplan.arrays import FloatArray, Records
-from hdvplan.driving.drive import Drive
-from hdvplan.road.path import ReferencePath
+from hdvplan.arrays import FloatArray, IntArray, Records
+from hdvplan.driving.drive import Drive, simulate
+from hdvplan.judging.bodies import corners, judged_to, part_named, placed
+from hdvplan.road.passages import furthest, normals
+from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.pieces import Pieces
+from hdvplan.road.regions import Kind, Region
 from hdvplan.road.street import Street
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import axles_behind
 from hdvplan.vehicle.model import Vehicle
 
 # Where a body came nearest to a kerb while the vehicle moved from a pose to the next.
@@ -106,3 +115,168 @@ def _beside(touches: Records, s: FloatArray, street: Street) -> Records:
         to[at] = of_unit[own]
         to["s"][at] = along[own]
     return found
+
+
+_CLOSE_M = 0.4  # to an obstacle: further than any point of a vehicle moves from one simulated pose to the next
+_APART_M = 0.02  # of poses close to an obstacle: in the tightest bends a corner swings out by as much from one to the next
+_DIGITS = 9  # of depths, which are rounded to compare them [m]
+
+Shapes = NDArray[np.object_]
+
+_PLACE = np.dtype([("body", np.intp), ("point", np.float64, 2), ("distance", np.float64), ("s_from", np.float64), ("s_to", np.float64)])
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Where a drive came nearest to an obstacle, or was deepest in it."""
+
+    obstacle: Region
+    distance: float  # least distance of any body; negative: how deep one was inside [m]
+    s: float  # of the place on the road [m]; before 0 or beyond the road's length where the obstacle lies beside neither
+    s_from: float  # the places that a body was inside, or the nearest one [m]
+    s_to: float
+    x: float  # of the place [m]
+    y: float
+    unit: int
+    side: str  # of the body, "left" or "right"
+    part: str  # of the body, see ``contact``
+
+
+def approaches(drive: Drive) -> tuple[Approach, ...]:
+    """Return the nearest approach to each obstacle of the road, at the simulated poses, and every 2 cm where a body is close to one.
+
+    Once the lead axle has left an open road, only what is still on the road counts.
+    """
+    obstacles = [region for region in drive.road.regions if region.kind is Kind.OBSTACLE]
+    if not obstacles:
+        return ()
+    polygons = np.array([obstacle.polygon for obstacle in obstacles], dtype=object)
+    drive = _closely(drive, polygons)
+    places = _places(drive, polygons, polygons)
+    pose, unit = np.divmod(places["body"], len(drive.vehicle.units))
+    ahead, across = _on_bodies(drive, pose, unit, places["point"])
+    s = _along(drive, pose, unit, ahead, places["point"])
+    lap = np.floor(s / drive.road.path.length) * drive.road.path.length if drive.road.path.closed else np.zeros(len(s))
+    s, s_from, s_to = s - lap, np.fmin(places["s_from"], s) - lap, np.fmax(places["s_to"], s) - lap
+    x, y = places["point"].T
+    found = []
+    for i, obstacle in enumerate(obstacles):
+        side, part = "left" if across[i] > 0.0 else "right", part_named(drive.vehicle.units[unit[i]], float(ahead[i]))
+        span, point = (float(s_from[i]), float(s_to[i])), (float(x[i]), float(y[i]))
+        found.append(Approach(obstacle.at(*point), float(places["distance"][i]), float(s[i]), *span, *point, int(unit[i]), side, part))
+    return tuple(found)
+
+
+def rooms_beside(drive: Drive, s: FloatArray) -> FloatArray:
+    """Return how far bodies stay from what of obstacles lies beside each of the stations ``s``, (n,) [m], as ``approaches`` has it.
+
+    Infinite where none does, on the road's side of the kerb.
+    """
+    road, rooms = drive.road, np.full(len(s), np.inf)
+    polygons = np.array([region.polygon for region in road.regions if region.kind is Kind.OBSTACLE], dtype=object)
+    if road.beside is None or not len(polygons):
+        return rooms
+    edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
+    here, reach = road.path.at(edges), np.abs(road.beside.table(edges)[2:])
+    most = np.minimum(reach, [furthest(here.curvature), furthest(-here.curvature)])
+    centre, normal = normals(here)
+    ends = np.stack([centre + most[0, :, None] * normal, centre - most[1, :, None] * normal], axis=1)
+    strips = np.asarray(shapely.convex_hull(shapely.linestrings(np.concatenate([ends[:-1], ends[1:]], axis=1))))
+    number, station = shapely.STRtree(strips).query(polygons, predicate="intersects")
+    parts = np.asarray(shapely.intersection(polygons[number], strips[station]))
+    np.minimum.at(rooms, station, _places(_closely(drive, polygons), parts, polygons[number])["distance"])
+    return rooms
+
+
+def _places(drive: Drive, parts: Shapes, wholes: Shapes) -> NDArray[np.void]:
+    """Return where bodies come nearest to ``parts`` of obstacles ``wholes``, or are deepest in them."""
+    outlines = corners(drive, np.arange(len(drive.poses_s)))
+    bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
+    leaving = np.repeat(drive.poses_s > judged_to(drive), outlines.shape[1])
+    bodies[leaving] = shapely.intersection(bodies[leaving], _before_end(drive))
+    tree = shapely.STRtree(bodies)
+    within, entered = _entered(drive, parts, wholes, bodies, tree)
+    apart = np.setdiff1d(np.arange(len(parts)), within)
+    return np.concatenate([entered, _nearest(parts[apart], bodies, tree)])[np.argsort(np.concatenate([within, apart]))]
+
+
+def _closely(drive: Drive, polygons: Shapes) -> Drive:
+    """Return a drive with more poses between those at which a body is close to one of the polygons."""
+    outlines = corners(drive, np.arange(len(drive.poses_s)))
+    tree = shapely.STRtree(np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2))))
+    close = np.zeros(len(drive.poses_s), bool)
+    close[tree.query(polygons, predicate="dwithin", distance=_CLOSE_M)[1] // outlines.shape[1]] = True
+    spacing, wheels = float(drive.poses_s[1] - drive.poses_s[0]), drive.poses_z[:, drive.vehicle.rigid_states :]
+    count, units, path = int(np.ceil(spacing / _APART_M)), drive.vehicle.table(), drive.stations.path
+    s, z = [drive.poses_s], [drive.poses_z]
+    begun = np.flatnonzero(close[:-1])
+    for stretch in np.split(begun, np.flatnonzero(np.diff(begun) > 1) + 1):
+        if len(stretch):
+            first, last = int(stretch[0]), int(stretch[-1]) + 1
+            begin, kappa = float(drive.poses_s[first]), drive.poses_kappa[first:last]
+            states = simulate(units, path, begin, spacing, drive.poses_z[first], kappa, count, wheels[first : last + 1])
+            z.append(states)
+            s.append(begin + spacing / count * np.arange(len(states), dtype=float))
+    order = np.argsort(np.concatenate(s), kind="stable")
+    return replace(drive, poses_s=np.concatenate(s)[order], poses_z=np.concatenate(z)[order])
+
+
+def _before_end(drive: Drive) -> shapely.Polygon:
+    """Return what lies before the normal at the road's end, as far as bodies of a vehicle reach that is leaving it."""
+    end = drive.road.path.at(drive.road.path.length)
+    reach = 2.0 * (drive.vehicle.reach_ahead + drive.vehicle.reach_behind)
+    x, y = float(end.x), float(end.y)
+    before = shapely.box(x - reach, y - reach, x, y + reach)
+    return shapely.affinity.rotate(before, float(end.heading), origin=(x, y), use_radians=True)
+
+
+def _nearest(obstacles: Shapes, bodies: Shapes, tree: shapely.STRtree) -> NDArray[np.void]:
+    """Return where bodies come nearest to obstacles that none of them meets."""
+    places = np.empty(len(obstacles), _PLACE)
+    places["body"] = tree.nearest(obstacles)
+    places["s_from"] = places["s_to"] = np.nan  # none but the place itself
+    lines = shapely.shortest_line(bodies[places["body"]], obstacles)
+    places["distance"], places["point"] = shapely.length(lines), shapely.get_coordinates(lines)[::2]
+    return places
+
+
+def _entered(drive: Drive, parts: Shapes, wholes: Shapes, bodies: Shapes, tree: shapely.STRtree) -> tuple[IntArray, NDArray[np.void]]:
+    """Return the numbers of the parts that bodies meet, and where a body is deepest in the obstacle that is the whole of each."""
+    met, inside = tree.query(parts, predicate="intersects")
+    overlaps = shapely.intersection(bodies[inside], parts[met])
+    within = shapely.point_on_surface(overlaps)  # corners alone would miss a wall that crosses a body from side to side
+    points, owner = shapely.get_coordinates(np.concatenate([overlaps, within]), return_index=True)
+    owner %= max(len(overlaps), 1)
+    order = np.argsort(met[owner], kind="stable")
+    points, owner = points[order], owner[order]
+    numbers, first = np.unique(met[owner], return_index=True)
+    places = np.empty(len(numbers), _PLACE)
+    if not len(numbers):
+        return numbers, places
+    spots = shapely.points(points)
+    in_body = shapely.distance(spots, shapely.boundary(bodies[inside])[owner])
+    # How far within the outline of the body or of the obstacle, whichever is further.
+    depths = np.maximum(in_body, shapely.distance(spots, shapely.boundary(wholes)[met[owner]]))
+    row = np.repeat(np.arange(len(numbers)), np.diff(np.append(first, len(owner))))
+    ranked = np.lexsort((-in_body, -np.round(depths, _DIGITS), row))  # of places equally deep that furthest in a body
+    deepest = ranked[np.unique(row[ranked], return_index=True)[1]]
+    pose, unit = np.divmod(inside[owner], len(drive.vehicle.units))
+    s = _along(drive, pose, unit, _on_bodies(drive, pose, unit, points)[0], points)
+    places["body"], places["point"], places["distance"] = inside[owner[deepest]], points[deepest], -depths[deepest]
+    places["s_from"], places["s_to"] = np.minimum.reduceat(s, first), np.maximum.reduceat(s, first)
+    return numbers, places
+
+
+def _on_bodies(drive: Drive, poses: IntArray, units: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far points in the plane, shape (n, 2), lie ahead of a body's axle and left of its middle, shape (n,) each [m]."""
+    numbers, row = np.unique(poses, return_inverse=True)
+    at = placed(drive, numbers)[row, units]
+    x, y = points[:, 0] - at["x"], points[:, 1] - at["y"]
+    return x * at["cos"] + y * at["sin"], y * at["cos"] - x * at["sin"]
+
+
+def _along(drive: Drive, poses: IntArray, units: IntArray, ahead: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the arclengths of points (n, 2) that bodies were at; where the road bends too tightly for a foot, those of a straight."""
+    near = drive.poses_s[poses] - np.asarray(axles_behind(drive.vehicle))[units] + ahead
+    s, offset = project_many(drive.stations.path, points[:, 0], points[:, 1], near)[:2]
+    return np.where(np.isfinite(offset), s, near)

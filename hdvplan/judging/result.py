@@ -16,10 +16,9 @@ from hdvplan.centring.stationary import Centring, CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M, Balance, Gaps, balance_of, gaps_of
 from hdvplan.judging.bodies import corners, swept_pieces, united
-from hdvplan.judging.clearance import touches_of
+from hdvplan.judging.clearance import Approach, rooms_beside, touches_of
 from hdvplan.judging.envelope import Envelope
 from hdvplan.judging.fit import Fit, fit_of
-from hdvplan.judging.obstacles import Approach, rooms_beside
 from hdvplan.judging.tracking import Tracking, tracking_of
 from hdvplan.planning.bias import shifted
 from hdvplan.planning.objectives import Objective

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from hdvplan.judging.balance import KEPT_M, Breach
-from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.clearance import Approach
 from hdvplan.judging.result import Result, body_name
 from hdvplan.road.regions import called, limit_called
 

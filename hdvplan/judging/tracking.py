@@ -16,10 +16,10 @@ from hdvplan.arrays import Records
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import Balance, places_of
 from hdvplan.judging.bodies import part_named
-from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.clearance import Approach
 from hdvplan.judging.straying import BRUSH, ROUNDED_M, Chain, Posed, Tracked, chain_of
 from hdvplan.road.pieces import Kerb, Pieces, pieces_of
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import axles_behind
 
 _MOST = 1 << 18  # brushes at once
 _FIRST_M, _GROWTH = 0.2, 1.4  # where the largest error has no bound: one that is looked at first, and by how much more then

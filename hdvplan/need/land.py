@@ -15,7 +15,7 @@ from hdvplan.arrays import BoolArray, FloatArray, Records
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import corners, united
-from hdvplan.judging.obstacles import Shapes
+from hdvplan.judging.clearance import Shapes
 from hdvplan.judging.result import Result
 from hdvplan.road.kerbs import kerb_of
 from hdvplan.road.pieces import Kerb

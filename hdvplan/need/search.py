@@ -16,8 +16,7 @@ from hdvplan import api
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError, PlanError, RoadError, SolverError
 from hdvplan.judging.balance import KEPT_M, balance_of, gaps_of
-from hdvplan.judging.clearance import SIDES, touches_along, touches_of
-from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.clearance import SIDES, Approach, touches_along, touches_of
 from hdvplan.judging.result import Result
 from hdvplan.planning.planner import Plan
 from hdvplan.planning.settings import Scheme

@@ -14,9 +14,8 @@ from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import PlanError, SolverError
 from hdvplan.judging.balance import KEPT_M, gaps_of
-from hdvplan.judging.clearance import touches_of
+from hdvplan.judging.clearance import approaches, touches_of
 from hdvplan.judging.envelope import SPACING_M, Envelope
-from hdvplan.judging.obstacles import approaches
 from hdvplan.judging.result import Passed, Trial
 from hdvplan.passing.options import Options, independent_m, options_of, spans_of
 from hdvplan.planning.bias import Bias

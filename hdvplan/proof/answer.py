@@ -20,7 +20,7 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.proof.reach import Grid, Pair, Reached, coupling_of, fits, outline_of, reachable, reachable_with_trailer, seen_from
 from hdvplan.proof.space import Beside, Frame, beside, frame_of
 from hdvplan.road.road import Road
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import axles_behind
 from hdvplan.vehicle.model import Unit, Vehicle
 
 LESS_M = (0.05, 0.15)  # room by which the coarse sets prove less than the fine ones, of one unit and of two

@@ -15,7 +15,7 @@ from hdvplan.turning.reversing.answer import Answer
 from hdvplan.turning.reversing.legs import DrivenLeg
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.turn import Turn
-from hdvplan.vehicle.body import corners_at, tracks_at
+from hdvplan.vehicle.kinematics import corners_at, tracks_at
 from hdvplan.vehicle.model import Vehicle
 
 _RING_SEGMENTS = 128  # a quarter: on a radius of 15 m chords are off by 0.3 mm

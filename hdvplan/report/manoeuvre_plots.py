@@ -25,7 +25,7 @@ from hdvplan.turning.reversing.answer import Answer
 from hdvplan.turning.reversing.sites import unit
 from hdvplan.turning.swept import chart_of
 from hdvplan.turning.turn import Turn, verdict
-from hdvplan.vehicle.body import corners_at
+from hdvplan.vehicle.kinematics import corners_at
 
 _ROOM_M = 2.0
 _TITLE, _NOTICE = 110, 170  # characters a line

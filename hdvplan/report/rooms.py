@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.balance import KEPT_M, Breach
 from hdvplan.judging.bodies import corners
-from hdvplan.judging.obstacles import Approach
+from hdvplan.judging.clearance import Approach
 from hdvplan.judging.result import Result
 from hdvplan.report.kerbs import kerb_lines
 from hdvplan.road.path import project_many

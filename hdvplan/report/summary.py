@@ -11,15 +11,15 @@ import numpy as np
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import Breach
+from hdvplan.judging.clearance import Approach
 from hdvplan.judging.envelope import steering_of
 from hdvplan.judging.fit import finding_json
-from hdvplan.judging.obstacles import Approach
 from hdvplan.judging.result import Passed, Proof, Result, body_name
 from hdvplan.judging.sentences import between_texts
 from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of
 from hdvplan.road.regions import Side, called
 from hdvplan.road.road import Road, Smoothing
-from hdvplan.vehicle.body import Wheel, wheels_of
+from hdvplan.vehicle.kinematics import Wheel, wheels_of
 from hdvplan.vehicle.model import Vehicle
 from hdvplan.version import __version__
 

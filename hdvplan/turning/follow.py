@@ -17,8 +17,7 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.errors import OptionError, TurnError
 from hdvplan.turning.manoeuvre import GuidePath, Manoeuvre, guide_offsets, guide_path
-from hdvplan.vehicle.body import points_on
-from hdvplan.vehicle.kinematics import place_many, rates
+from hdvplan.vehicle.kinematics import place_many, points_on, rates
 from hdvplan.vehicle.model import Vehicle
 
 POSE_M = 0.05  # between the poses that figures are measured on

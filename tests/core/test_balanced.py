@@ -22,7 +22,7 @@ from hdvplan.reproduce.study import predicted, unevenness, whole_manoeuvre
 from hdvplan.reproduce.study import swept as swept_by
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import Scenario, sturn_profile, turn_profile
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.scenes import extended, horizon_at, move, part_of

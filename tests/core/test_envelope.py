@@ -15,7 +15,7 @@ from hdvplan.planning.stations import stations_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_samples
 from hdvplan.road.road import Road
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import arc, on_road, three_units, winding

@@ -11,7 +11,7 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance, tracing_points
 from hdvplan.road.road import Road
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import three_units, winding

@@ -14,7 +14,7 @@ from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import on_road, winding

@@ -18,7 +18,7 @@ from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.solvers.registry import solver_named
 from hdvplan.solvers.riccati import RiccatiWorkspace
-from hdvplan.vehicle.body import axle_points, axles_behind, edge_points
+from hdvplan.vehicle.kinematics import axle_points, axles_behind, edge_points
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import on_road, winding

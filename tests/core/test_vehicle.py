@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.errors import VehicleError, refused_in
-from hdvplan.vehicle.body import POINTS_PER_EDGE, edge_points
+from hdvplan.vehicle.kinematics import POINTS_PER_EDGE, edge_points
 from hdvplan.vehicle.load import load_vehicle, parse_vehicle, preset_groups, preset_names, preset_text, read_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import few, three_units, vehicles

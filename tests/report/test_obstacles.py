@@ -10,7 +10,7 @@ from hdvplan.api import drive_case, plan
 from hdvplan.case import Case
 from hdvplan.judging.balance import balance_of
 from hdvplan.judging.bodies import corners, pose_at
-from hdvplan.judging.obstacles import approaches
+from hdvplan.judging.clearance import approaches
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.sentences import breach_text
 from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of

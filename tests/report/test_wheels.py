@@ -6,7 +6,7 @@ import pytest
 from hdvplan.judging.bodies import wheel_tracks
 from hdvplan.judging.result import Result
 from hdvplan.report.kerbs import shown_kerbs
-from hdvplan.vehicle.body import wheels_of
+from hdvplan.vehicle.kinematics import wheels_of
 from hdvplan.vehicle.load import load_vehicle
 
 

@@ -30,8 +30,7 @@ from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from hdvplan.road.street import Street, look
-from hdvplan.vehicle.body import axles_behind
-from hdvplan.vehicle.kinematics import place_many
+from hdvplan.vehicle.kinematics import axles_behind, place_many
 from hdvplan.vehicle.load import load_vehicle
 from tests.nightly import nightly
 

@@ -11,7 +11,7 @@ import shapely
 
 import hdvplan
 from hdvplan.arrays import FloatArray, Records
-from hdvplan.judging.obstacles import Shapes
+from hdvplan.judging.clearance import Shapes
 from hdvplan.judging.result import Result
 from hdvplan.judging.straying import Chain, chain_of
 from hdvplan.judging.tracking import Search, pieces_around, tracking_of

@@ -11,8 +11,7 @@ from hdvplan.driving.drive import simulate
 from hdvplan.judging.straying import BRUSH, FINER, SPACING_M, Posed, Tracked, chain_of
 from hdvplan.judging.tracking import Search, pieces_around
 from hdvplan.road.path import evaluate_many
-from hdvplan.vehicle.body import axles_behind
-from hdvplan.vehicle.kinematics import place_many
+from hdvplan.vehicle.kinematics import axles_behind, place_many
 from tests.core.twins import tracking as twin
 from tests.tracking.scenes import SCENES, case_of
 from tests.tracking.test_bound import LENGTH_M, bend, tracked, weights, worst

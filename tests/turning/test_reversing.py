@@ -21,8 +21,7 @@ from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.turning.reversing.search import half_turn
 from hdvplan.turning.reversing.sites import Block, Outline, bodies_of, site_of, wall
 from hdvplan.turning.reversing.words import closed_form, details, verdict
-from hdvplan.vehicle.body import corners_at
-from hdvplan.vehicle.kinematics import critical_angles
+from hdvplan.vehicle.kinematics import corners_at, critical_angles
 from hdvplan.vehicle.load import load_vehicle, parse_vehicle
 from tests.turning.reversals import refuse, towed
 

@@ -17,8 +17,7 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.errors import OptionError
 from hdvplan.planning.terms.centring import Centring, CentringPart, Residual
 from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
-from hdvplan.vehicle.body import axles_behind
-from hdvplan.vehicle.kinematics import POSE
+from hdvplan.vehicle.kinematics import POSE, axles_behind
 from hdvplan.vehicle.model import Vehicle
 
 _POINTS = core.number("HDV_TRACING_POINTS")  # of a body

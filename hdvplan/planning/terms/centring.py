@@ -17,7 +17,7 @@ from hdvplan.errors import OptionError
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import Columns, CorePart, Needs, Scene, Term, core_functions
 from hdvplan.qp.program import by_stage
-from hdvplan.vehicle.body import auxiliary_ahead, axle_points, axles_behind, edge_points
+from hdvplan.vehicle.kinematics import auxiliary_ahead, axle_points, axles_behind, edge_points
 from hdvplan.vehicle.model import Vehicle
 
 COEFFICIENTS = core.record("hdv_residual")  # of one station; the target in metres

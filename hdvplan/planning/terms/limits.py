@@ -18,7 +18,7 @@ from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import Columns, CorePart, Needs, Scene, Term, core_functions
 from hdvplan.qp.program import by_stage
 from hdvplan.road.pieces import BLOCK
-from hdvplan.vehicle.body import axles_behind
+from hdvplan.vehicle.kinematics import axles_behind
 from hdvplan.vehicle.model import Vehicle
 
 ROWS_PER_SIDE = core.number("HDV_ROWS_PER_SIDE")  # the tightest contacts to each side that enter the program

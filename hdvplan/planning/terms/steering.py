@@ -8,7 +8,7 @@ import numpy as np
 
 from hdvplan import core
 from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
-from hdvplan.vehicle.body import auxiliary_ahead
+from hdvplan.vehicle.kinematics import auxiliary_ahead
 
 _DYNAMICS = core_functions("dynamics")
 _RULE = core.record("hdv_dynamics")

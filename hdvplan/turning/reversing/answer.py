@@ -16,7 +16,7 @@ from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.turning.reversing.polish import polished
 from hdvplan.turning.reversing.search import half_turn, half_turns_in, pull_out
 from hdvplan.turning.reversing.sites import Block, Site, site_of
-from hdvplan.vehicle.body import corners_at
+from hdvplan.vehicle.kinematics import corners_at
 from hdvplan.vehicle.model import Vehicle
 
 STEP_M = 0.05  # to which a size is told, rounded up

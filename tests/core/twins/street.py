@@ -10,8 +10,7 @@ from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.stations import Stations
 from hdvplan.road.pieces import Kerb, Pieces
 from hdvplan.road.street import Street
-from hdvplan.vehicle.body import axles_behind
-from hdvplan.vehicle.kinematics import POSE, place_many
+from hdvplan.vehicle.kinematics import POSE, axles_behind, place_many
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.twins.kinematics import rates
 from tests.core.twins.path import evaluate
