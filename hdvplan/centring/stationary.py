@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -288,12 +288,11 @@ class CentringTable:
     def at(self, road_curvature: FloatArray) -> Centring:
         """Return the geometry at signed road curvatures [1/m]; beyond the tightest circle it is held."""
         grid, sign, k = self.grid, np.sign(road_curvature), np.abs(road_curvature)
-        column: Callable[[FloatArray], FloatArray] = partial(np.interp, k, _TABLE)
 
         def columns(values: FloatArray) -> FloatArray:
-            return np.stack([sign * column(one) for one in values.T], axis=-1) if values.size else np.empty((len(k), 0))
+            return np.stack([sign * np.interp(k, _TABLE, one) for one in values.T], axis=-1) if values.size else np.empty((len(k), 0))
 
-        even = {name: column(getattr(grid, name)) for name in ("lead", "aux", "half_width")}
-        odd = {name: sign * column(getattr(grid, name)) for name in ("target", "kappa", "e_y", "e_aux", "e_psi")}
+        even = {name: np.interp(k, _TABLE, getattr(grid, name)) for name in ("lead", "aux", "half_width")}
+        odd = {name: sign * np.interp(k, _TABLE, getattr(grid, name)) for name in ("target", "kappa", "e_y", "e_aux", "e_psi")}
         saturated = k >= self.tightest_road
         return Centring(**even, **odd, axle=grid.axle, beta=columns(grid.beta), steering=columns(grid.steering), saturated=saturated)

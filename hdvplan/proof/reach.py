@@ -114,8 +114,10 @@ class Reached(NamedTuple):
     @classmethod
     def nothing(cls, stations: int) -> Reached:
         """Return memory for so many stations."""
-        bounds, filled = np.full((4, stations), np.nan), np.zeros(stations, np.int64)
-        return cls(np.array([(-1, -1, *map(core.address, bounds), core.address(filled))], _REACHED), *bounds, filled)
+        low, high, right, left = np.full((4, stations), np.nan)
+        filled = np.zeros(stations, np.int64)
+        record = np.array([(-1, -1, *map(core.address, (low, high, right, left, filled)))], _REACHED)
+        return cls(record, low, high, right, left, filled)
 
     @property
     def empty(self) -> int:
