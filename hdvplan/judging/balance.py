@@ -141,7 +141,6 @@ def gaps_of(touches: Touches) -> Gaps:
 
 
 def _clearance(drive: Drive, s: FloatArray, touches: Touches, near: tuple[Approach, ...]) -> tuple[float | None, tuple[Breach, ...]]:
-    """Return the least room, and every breach of the street's kerbs and of obstacles."""
     if not touches:
         return None, ()
     breaches = [breach for (side, region), touch in touches.items() for breach in _breaches(drive.vehicle, s, touch, side, region)]

@@ -206,7 +206,6 @@ def _meeting(road: Road) -> str:
 
 
 def _known(result: Result, verdict: Verdict) -> str:
-    """Return what is known beyond the plan that was made."""
     if verdict.proof is None:
         return "no plan was found, and none is excluded" if result.planned else "another path may fit: `hdvplan plan` looks for one"
     return f"proved: {proof_text(verdict.proof, result.case)}"
@@ -225,7 +224,6 @@ def _needs(result: Result) -> Verdict:
 
 
 def _furthest(result: Result) -> Place:
-    """Return where a body reaches furthest from the driven line."""
     envelope = result.envelope
     left, right = envelope.left, -envelope.right
     side = "left" if np.nanmax(left) >= np.nanmax(right) else "right"

@@ -1,4 +1,4 @@
-"""The settings of planning, validated once, and the rules by which states are predicted from a planned curvature.
+"""The settings of planning, validated once, the rules by which states are predicted from a planned curvature, and names of objectives.
 
 A rule says where the state is one station ahead, z_next = z + step * F(z, z_next, kappa), and how that changes with z and kappa. To add
 one: a member of ``Discretisation``, and its branch in ``hdv_advance`` and ``linearise_interval`` of ``hdvplan/core/dynamics.c``.

@@ -62,7 +62,6 @@ def _reach(value: Any, key: str, count: int, name: str) -> FloatArray:  # noqa: 
 
 
 def _corners(properties: Json, name: str) -> str | None:
-    """Return how the points are to be read; None where the file does not say."""
     value = properties.get("corners")
     if value is not None and value not in list(Corners):
         msg = f"{name}: property corners must be {any_of(list(Corners))}, not {value!r}"
@@ -71,7 +70,6 @@ def _corners(properties: Json, name: str) -> str | None:
 
 
 def _corner_radius(properties: Json, name: str) -> float:
-    """Return the radius of the kerbs inside corners [m]; 0 where the file does not say."""
     value = properties.get("corner_radius_m", 0.0)
     if not (is_finite(value) and value >= 0.0):
         msg = f"{name}: property corner_radius_m must be a number of metres, not {value!r}"

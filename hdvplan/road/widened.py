@@ -30,7 +30,6 @@ def widened(line: Line, street: Street, areas: list[shapely.Polygon]) -> tuple[K
 
 
 def _closed(area: shapely.Geometry) -> shapely.Geometry:
-    """Return an area with its gaps closed."""
     return shapely.buffer(shapely.buffer(area, 0.5 * GAP_M, join_style="mitre"), -0.5 * GAP_M, join_style="mitre")
 
 

@@ -1,4 +1,4 @@
-"""A manoeuvre driven, measured and compared with the limits of a standard."""
+"""A manoeuvre driven, measured and compared with the limits of a standard: a template that ships, or a TOML file of one's own."""
 
 from __future__ import annotations
 
