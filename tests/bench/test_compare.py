@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -301,25 +302,20 @@ def test_a_baseline_that_is_none_is_refused_with_a_hint(tmp_path: Path, content:
     assert "--renew" in str(caught.value.hint)
 
 
-@pytest.mark.parametrize("number", [np.nan, np.inf])
-@pytest.mark.parametrize("column", ["qps", "iterations", "nonzeros"])
-def test_a_baseline_with_a_count_that_is_not_finite_is_refused_as_nothing_differs_from_it(
-    tmp_path: Path, column: str, number: float
+@pytest.mark.parametrize(
+    ("spoilt", "words"),
+    [
+        *((lambda table, one=one: table.assign(qps=one), "column qps has values that are not finite") for one in (np.nan, np.inf)),
+        (lambda table: table.assign(iterations=np.nan), "column iterations has values that are not finite"),
+        (lambda table: table.assign(nonzeros="many"), "column nonzeros has values that are not numbers"),
+        (lambda table: pd.concat([table] * 2), "a cell is there twice"),
+    ],
+)
+def test_a_baseline_from_which_nothing_or_no_one_thing_differs_is_refused(
+    tmp_path: Path, spoilt: Callable[[pd.DataFrame], pd.DataFrame], words: str
 ) -> None:
-    write_counters(side().counters.assign(**{column: number}), tmp_path / "counters.csv")
-    with pytest.raises(OptionError, match=f"column {column} has values that are not finite"):
-        read_counters(tmp_path / "counters.csv")
-
-
-def test_a_baseline_that_has_a_cell_twice_is_refused(tmp_path: Path) -> None:
-    write_counters(pd.concat([side().counters] * 2), tmp_path / "counters.csv")
-    with pytest.raises(OptionError, match="a cell is there twice"):
-        read_counters(tmp_path / "counters.csv")
-
-
-def test_a_baseline_with_words_for_numbers_is_refused(tmp_path: Path) -> None:
-    write_counters(side().counters.assign(nonzeros="many"), tmp_path / "counters.csv")
-    with pytest.raises(OptionError, match="column nonzeros has values that are not numbers"):
+    write_counters(spoilt(side().counters), tmp_path / "counters.csv")
+    with pytest.raises(OptionError, match=words):
         read_counters(tmp_path / "counters.csv")
 
 
@@ -334,6 +330,14 @@ def two_runs(tmp_path: Path, finished_run: Path) -> tuple[Path, Path]:
 def rewrite(folder: Path, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
     file = folder / "samples.csv.gz"
     change(pd.read_csv(file)).to_csv(file, index=False)
+
+
+def retold(folder: Path, **entries: dict[str, object]) -> dict[str, Any]:
+    """Change entries within tables of a run's record; return the record as it was."""
+    record: dict[str, Any] = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    changed = {name: record.get(name, {}) | entry for name, entry in entries.items()}
+    (folder / "run.json").write_text(json.dumps(record | changed), encoding="utf-8")
+    return record
 
 
 def slowed(samples: pd.DataFrame) -> pd.DataFrame:
@@ -431,9 +435,7 @@ def test_several_runs_in_a_folder_are_processes_of_one_side(cli: Cli, tmp_path: 
 
 def test_times_of_another_machine_do_not_count(cli: Cli, tmp_path: Path, two_runs: tuple[Path, Path]) -> None:
     rewrite(two_runs[1], lambda samples: samples.assign(total_s=1.5 * samples["total_s"], outer_s=1.5 * samples["outer_s"]))
-    record = json.loads((two_runs[1] / "run.json").read_text(encoding="utf-8"))
-    there = {**record, "machine": record["machine"] | {"processor": "Another 9000"}}
-    (two_runs[1] / "run.json").write_text(json.dumps(there), encoding="utf-8")
+    retold(two_runs[1], machine={"processor": "Another 9000"})
     for number in range(5):
         for name in ("base", "new"):
             shutil.copytree(tmp_path / name, tmp_path / f"{name}s" / f"{number:02d}")
@@ -451,25 +453,18 @@ def test_times_of_another_machine_do_not_count(cli: Cli, tmp_path: Path, two_run
 
 def test_another_python_is_no_other_machine(cli: Cli, two_runs: tuple[Path, Path]) -> None:
     """As where `bench --against` has another Python's path for its base."""
-    record = json.loads((two_runs[1] / "run.json").read_text(encoding="utf-8"))
-    there = {**record, "machine": record["machine"] | {"python": "CPython 4.0.0"}}
-    (two_runs[1] / "run.json").write_text(json.dumps(there), encoding="utf-8")
+    retold(two_runs[1], machine={"python": "CPython 4.0.0"})
     assert cli("compare", "base", "new", "--quiet").out == "fine: no cell of 2 is slower by more than a factor of 1.08\n"
 
 
-def test_runs_with_other_settings_are_no_same_cells(cli: Cli, two_runs: tuple[Path, Path]) -> None:
-    record = json.loads((two_runs[1] / "run.json").read_text(encoding="utf-8"))
-    other = {**record, "settings": record["settings"] | {"horizon": 50.0, "rounds": 9}}  # which rounds there are is no such setting
-    (two_runs[1] / "run.json").write_text(json.dumps(other), encoding="utf-8")
+def test_runs_with_other_settings_or_on_a_road_that_has_changed_are_no_same_cells(cli: Cli, two_runs: tuple[Path, Path]) -> None:
+    before = retold(two_runs[1], settings={"horizon": 50.0, "rounds": 9})["settings"]  # which rounds there are is no such setting
     outcome = cli("compare", "base", "new")
     assert outcome.code == 2
-    assert f"these are not the same cells: horizon was {record['settings']['horizon']}, is 50.0\n" in outcome.err
-
-
-def test_runs_on_a_road_that_has_changed_are_no_same_cells(cli: Cli, two_runs: tuple[Path, Path]) -> None:
+    assert f"these are not the same cells: horizon was {before['horizon']}, is 50.0\n" in outcome.err
+    retold(two_runs[1], settings=before)
     for folder, digest in zip(two_runs, ("1", "2"), strict=True):
-        record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        (folder / "run.json").write_text(json.dumps(record | {"files": {"road.csv": digest, folder.name: digest}}), encoding="utf-8")
+        retold(folder, files={"road.csv": digest, folder.name: digest})
     outcome = cli("compare", "base", "new")
     assert outcome.code == 2
     assert "these are not the same cells: road.csv has another content\n" in outcome.err

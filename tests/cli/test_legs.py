@@ -19,7 +19,7 @@ from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
 from tests.road.drives import BAY, EAST, NORTH, drawn, leg, line_feature, turn_features, written
 
-VEHICLE, LENGTH = "citaro-k", 10.533
+VEHICLE = "citaro-k"
 QUICK = ("--vehicle", VEHICLE, "--horizon", "40")
 WIDE = np.array([(-20.0, -12.0), (50.0, -12.0), (50.0, 30.0), (-20.0, 30.0), (-20.0, -12.0)])
 

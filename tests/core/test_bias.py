@@ -42,16 +42,6 @@ def test_on_a_straight_both_reaches_move_by_the_bias(name: str, objective: Objec
 
 
 @each_vehicle
-@pytest.mark.parametrize("curvature", [0.02, 0.04, -0.04])
-def test_on_a_circle_both_reaches_move_by_the_bias(name: str, curvature: float) -> None:
-    (_, before), (_, after) = (run(constant_road(curvature), name, Bias.constant(bias)) for bias in (0.0, 0.3))
-    left, right = after.reach_left - before.reach_left, after.reach_right - before.reach_right
-    assert np.max(np.abs(left[MIDDLE] - 0.3)) < 0.02
-    assert np.max(np.abs(right[MIDDLE] - 0.3)) < 0.02
-    assert np.max(np.abs(0.5 * (left + right)[MIDDLE] - 0.3)) < 0.001  # the envelope's own chords; the band's width changes with the radius
-
-
-@each_vehicle
 def test_a_vehicle_about_a_biased_circle_drives_the_circle_of_that_radius(name: str) -> None:
     curvature, bias = 0.04, 0.5
     driven, envelope = run(constant_road(curvature), name, Bias.constant(bias))
@@ -79,13 +69,6 @@ def test_the_middle_of_the_limits_leaves_the_same_clearance_on_both_sides() -> N
     left, right = 2.6 - envelope.reach_left[MIDDLE], envelope.reach_right[MIDDLE] + 3.4
     assert np.max(np.abs(left - right)) < 0.002  # the envelope's chords
     assert np.min(left) > 0.3
-
-
-def test_no_bias_leaves_every_plan_as_it_was() -> None:
-    road = constant_road(0.03)
-    plain = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, PlannerSettings())
-    aimed, _ = run(road, "bus", Bias.constant(0.0))
-    assert np.array_equal(plain.kappa, aimed.kappa)
 
 
 def test_a_bias_is_read_from_a_file(tmp_path: Path) -> None:

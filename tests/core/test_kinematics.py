@@ -8,8 +8,7 @@ from hdvplan.driving.drive import simulate
 from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import body_points, few, linearised, placed, rates, vehicles
-from tests.core.differences import differences
+from tests.core.chains import body_points, few, placed, rates, vehicles
 from tests.core.test_steering import PROFILE_K, PROFILE_S
 
 
@@ -33,19 +32,6 @@ def test_a_tractor_trailer_follows_the_published_equations(beta: float, e_y: flo
         inside / np.cos(e_psi) * (kappa - np.sin(beta) / length + hitch / length * np.cos(beta) * kappa),
     ]
     assert np.allclose(rates(vehicle, k, np.array([e_y, e_psi, beta]), kappa), expected, rtol=0.0, atol=1e-13)  # rounding
-
-
-@given(vehicle=vehicles(), draw=unit_box, kappa=st.floats(-0.2, 0.2), k=st.floats(-0.2, 0.2))
-@few
-def test_the_kinematic_jacobian_is_the_derivative_by_state_and_curvature(
-    vehicle: Vehicle, draw: list[float], kappa: float, k: float
-) -> None:
-    z = states(vehicle, draw)
-    f, a, b = linearised(vehicle, k, z, kappa)
-    assert np.allclose(f, rates(vehicle, k, z, kappa), rtol=0.0, atol=1e-14)
-    # fifth derivatives of tan reach a few hundred at 0.9 rad: 1e-12 / 30 times that
-    assert np.allclose(a, differences(lambda v: rates(vehicle, k, v, kappa), z), rtol=0.0, atol=1e-9)
-    assert np.allclose(b, differences(lambda v: rates(vehicle, k, z, float(v[0])), np.array([kappa]))[:, 0], rtol=0.0, atol=1e-11)
 
 
 @given(vehicle=vehicles(), draw=unit_box, heading=st.floats(-3.1, 3.1))

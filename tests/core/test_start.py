@@ -1,4 +1,4 @@
-"""Roads that begin or end in a bend."""
+"""Where drives begin and end, and what they hold: on roads that begin or end in a bend, too."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.centring.stationary import CentringTable
-from hdvplan.driving.drive import Drive
+from hdvplan.driving.drive import Drive, drive
 from hdvplan.driving.start import Start, kept_start, lies_beside, start_of
 from hdvplan.judging.envelope import Envelope
+from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import stations_of
 from hdvplan.road.line import Line, RawRoad, smoothed
@@ -19,6 +20,7 @@ from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import from_curvature
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
+from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
@@ -117,3 +119,31 @@ def test_a_start_that_nothing_mends_is_moved_no_further_than_it_helps() -> None:
     moved = kept_start(stations, bus, begin, 0.0).z - begin.z
     assert np.max(np.abs(moved) * [1.0, *[bus.reach_ahead + bus.reach_behind] * 2]) <= 5.0
     assert np.all(np.isfinite(drive_case(Case(road, bus, settings=SETTINGS)).z))
+
+
+def test_a_drive_has_a_sample_at_every_station_and_poses_between() -> None:
+    road = Road("bend", from_curvature(np.array([0.0, 20.0, 30.2]), np.array([0.0, 0.0, 0.03])))
+    shares: list[float] = []
+    settings = PlannerSettings(horizon=20.0, replan=4.0)
+    done = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, settings, on_progress=shares.append)
+    assert len(done.z) == len(done.kappa) + 1 == 62  # 30.2 m in steps of 0.5 m
+    assert done.poses_s[-1] == pytest.approx(33.5)  # when the rear end, 2.66 m behind the axle, has left the road
+    assert np.max(np.diff(done.poses_s)) <= 0.25 + 1e-12
+    assert np.array_equal(done.poses_z[::2][: len(done.z)], done.z)
+    assert len(shares) == len(done.plans) == 8
+    assert shares[-1] == 1.0
+    assert np.all(np.diff(shares) > 0.0)
+    for plan in done.plans:  # each starts from what was executed
+        part = slice(plan.first, plan.first + settings.executed)
+        assert np.array_equal(done.kappa[part], plan.kappa[: len(done.kappa[part])])
+        assert np.max(np.abs(plan.z[0] - done.z[plan.first])) < 1e-12
+        if plan.first > 0:
+            assert plan.kappa_before == done.kappa[plan.first - 1]
+
+
+def test_a_drive_begins_with_no_more_curvature_than_the_vehicle_has() -> None:
+    road = Road("tight", from_curvature(np.array([0.0, 5.0, 10.0, 60.0]), np.array([0.14, 0.14, 0.0, 0.0])))
+    done = drive(road, load_vehicle("bus"), geometric, RiccatiWorkspace, PlannerSettings(horizon=30.0))
+    assert done.stations.centring.kappa[0] > 0.1
+    assert done.plans[0].kappa_before == 0.1
+    assert np.max(np.abs(done.kappa)) <= 0.1 + 1e-7  # what an active bound is kept to: active_set.c

@@ -34,19 +34,9 @@ def test_degrees_in_a_system_of_metres_are_refused() -> None:
     assert str(raised.value.hint).endswith("leave it out")
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("EPSG:3857", "Web Mercator"),
-        ("EPSG:2225", "not in metres"),
-        ("EPSG:4978", "neither a projected nor a geographic"),
-        ("EPSG:999999", "unknown coordinate reference system"),
-        ("nonsense", "unknown coordinate reference system"),
-        ("EPSG:\udcff", "unknown coordinate reference system"),
-    ],
-)
-def test_unsuitable_systems_are_refused(name: str, message: str) -> None:
-    with pytest.raises(RoadError, match=message):
+@pytest.mark.parametrize("name", ["nonsense", "EPSG:\udcff"])
+def test_what_is_no_system_is_refused(name: str) -> None:
+    with pytest.raises(RoadError, match="unknown coordinate reference system"):
         parse_crs(name)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import zipfile
 from pathlib import Path
 
@@ -55,13 +54,6 @@ def test_encrypted_files_are_refused(tmp_path: Path) -> None:
     refused(tmp_path / "a.kmz", "is encrypted", "without a password")
     (tmp_path / "a.xlsx").write_bytes(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600))
     refused(tmp_path / "a.xlsx", "old or an encrypted Office file", ".xlsx or .csv")
-
-
-def test_compressed_and_binary_files_are_told_apart_from_text(tmp_path: Path) -> None:
-    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(b"x,y\n"))
-    refused(tmp_path / "a.csv.gz", r"is compressed \(gzip\)", "unpack it")
-    (tmp_path / "a.csv").write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00")
-    refused(tmp_path / "a.csv", "it is not text", "ogr2ogr")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
