@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pyogrio
 import pytest
@@ -14,6 +15,7 @@ from ezdxf.filemanagement import readfile
 from pypdf import PdfReader
 
 from tests.cli.conftest import Cli
+from tests.road.drives import area_feature, line_feature, written
 
 NEAR_M = 0.05  # what the coarse cells of a proof cost, and by how much the best plan tried takes more than the least
 FIELDS = {"tolerance_m", "proved_below_m", "proof", "s_m", "lon", "lat", "unit", "part", "side", "widening_m2"}
@@ -163,11 +165,9 @@ def test_what_no_width_cures_is_not_blamed_on_an_obstacle(cli: Cli, bend: str) -
 @pytest.mark.slow
 def test_an_obstacle_that_is_passed_on_the_other_side_than_the_line_passes_it_is_told(cli: Cli, tmp_path: Path) -> None:
     """A lorry went behind a lamp post over the footway, and nothing said so."""
-    line = {"type": "LineString", "coordinates": [[0.0, 0.0], [9e-4, 0.0]]}  # 100 m
-    box = [[x * 1e-5, y * 1e-5] for x, y in ((54.0, 0.45), (60.0, 0.45), (60.0, 1.8), (54.0, 1.8), (54.0, 0.45))]
-    parts = (line, {"left_m": 3.0, "right_m": 1.9}), ({"type": "Polygon", "coordinates": [box]}, {"region": "obstacle", "name": "MAST"})
-    features = [{"type": "Feature", "geometry": geometry, "properties": properties} for geometry, properties in parts]
-    (tmp_path / "street.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    line = line_feature(np.array([(0.0, 0.0), (100.0, 0.0)]), left_m=3.0, right_m=1.9)
+    mast = area_feature([(60.1, 0.5), (66.8, 0.5), (66.8, 2.0), (60.1, 2.0)], region="obstacle", name="MAST")
+    written(tmp_path, line, mast, name="street.geojson")
     outcome = cli("need", "street.geojson", "--vehicle", "bus", "--fix", "right", "--no-plot", "--no-proof")
     assert re.search(r"warning: the obstacle 'MAST' at s = 63\.\d m is passed on the left, the line passes it on the right: ", outcome.err)
     (passed,) = json.loads((tmp_path / "street.bus.need" / "need.json").read_text(encoding="utf-8"))["passed"]

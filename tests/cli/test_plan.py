@@ -18,6 +18,7 @@ from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
+from tests.road.drives import area_feature, line_feature, written
 
 QUICK = ("--horizon", "30", "--no-plot")
 VAN = ("parked_van", "--vehicle", "bus", "--no-plot")
@@ -264,16 +265,9 @@ def test_a_comparison_tells_proofs_and_places_at_the_road_s_start() -> None:
 
 
 def test_of_several_vehicles_each_is_told_that_it_passes_an_obstacle_on_the_other_side(cli: Cli, tmp_path: Path) -> None:
-    ring = [[60.0, 0.5], [66.0, 0.5], [66.0, 2.0], [60.0, 2.0], [60.0, 0.5]]  # right of it 2.4 m: too little for a bus with that clearance
-    features = [
-        {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
-        for properties, kind, coordinates in (
-            ({"left_m": 9.0, "right_m": 1.9}, "LineString", [[0.0, 0.0], [120.0, 0.0]]),
-            ({"region": "obstacle", "name": "van"}, "Polygon", [ring]),
-        )
-    ]
-    crs = {"type": "name", "properties": {"name": "+proj=tmerc +lat_0=47 +lon_0=8 +ellps=WGS84 +units=m"}}
-    (tmp_path / "van.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}), encoding="utf-8")
+    ring = [(60.0, 0.5), (66.0, 0.5), (66.0, 2.0), (60.0, 2.0)]  # right of it 2.4 m: too little for a bus with that clearance
+    line = line_feature(np.array([(0.0, 0.0), (120.0, 0.0)]), left_m=9.0, right_m=1.9)
+    written(tmp_path, line, area_feature(ring, region="obstacle", name="van"), name="van.geojson")
     outcome = cli("plan", "van.geojson", "--vehicle", "bus,citaro", "--clearance", "0.2", "--no-plot", "--no-proof", "--no-refine")
     for name in ("bus", "citaro"):
         assert f"{name}: the obstacle 'van' at s = 63.0 m is passed on the left, the line passes it on the right" in outcome.err

@@ -13,6 +13,7 @@ import pytest
 from hdvplan.errors import RoadError
 from hdvplan.road.load import load_road
 from tests.cli.conftest import Cli
+from tests.road.drives import area_feature, line_feature, written
 
 QUICK = ("--vehicle", "bus", "--horizon", "40", "--no-plot")
 ONCE = (*QUICK, "--no-proof", "--no-refine")  # where it does not matter what else is looked for after a NO
@@ -141,21 +142,17 @@ def test_info_writes_the_needed_widths_as_csv(cli: Cli, tmp_path: Path) -> None:
 def obstacles_on_a_road(tmp_path: Path, *given: str | None) -> str:
     """Write a straight road with obstacles on its line, 15 m apart: changing sides between them is too much for a bus."""
     places = ((97.0, 100.0, -1.5, 1.4), (115.0, 118.0, -1.4, 1.5))
-    features: list[object] = [
-        {"type": "Feature", "properties": {"width_m": 9.2}, "geometry": {"type": "LineString", "coordinates": [[0.0, 0.0], [200.0, 0.0]]}}
-    ]
+    features = [line_feature(np.array([(0.0, 0.0), (200.0, 0.0)]), width_m=9.2)]
     for number, (x_from, x_to, low, high) in enumerate(places):
-        side = given[number] if number < len(given) else None
-        corners = [[x_from, low], [x_to, low], [x_to, high], [x_from, high], [x_from, low]]
-        properties = {"region": "obstacle", "name": f"o{number}"} | ({} if side is None else {"pass": side})
-        features.append({"type": "Feature", "properties": properties, "geometry": {"type": "Polygon", "coordinates": [corners]}})
-    (tmp_path / "stagger.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    return "stagger.geojson"
+        side = {"pass": given[number]} if number < len(given) and given[number] else {}
+        corners = [(x_from, low), (x_to, low), (x_to, high), (x_from, high)]
+        features.append(area_feature(corners, region="obstacle", name=f"o{number}", **side))
+    return written(tmp_path, *features, name="stagger.geojson").name
 
 
 def test_the_sides_of_obstacles_are_found_and_told_with_what_the_others_would_have_cost(cli: Cli, tmp_path: Path) -> None:
     road = obstacles_on_a_road(tmp_path)
-    outcome = cli("plan", road, "--crs", "EPSG:3006", "--vehicle", "bus", "--no-plot", "--json", "--quiet")
+    outcome = cli("plan", road, "--vehicle", "bus", "--no-plot", "--json", "--quiet")
     assert (outcome.code, outcome.err) == (0, "")
     summary = json.loads(outcome.out)
     first, second = summary["passed"]
@@ -172,13 +169,13 @@ def test_the_sides_of_obstacles_are_found_and_told_with_what_the_others_would_ha
 
 def test_a_side_without_room_or_of_no_such_name_is_bad_input(cli: Cli, tmp_path: Path) -> None:
     road = obstacles_on_a_road(tmp_path)
-    narrow = cli("plan", road, "--crs", "EPSG:3006", *QUICK, "--pass", "left", "--left", "3.5", "--right", "4.6")
+    narrow = cli("plan", road, *QUICK, "--pass", "left", "--left", "3.5", "--right", "4.6")
     assert narrow.code == 2
     assert narrow.err.splitlines()[-2:] == [
         "error: the obstacle 'o0' at s = 98.5 m cannot be passed on the left: 2.10 m to the left of it, 2.54 m needed, 0.44 m missing",
         "hint: give no side, to pass it where there is more room",
     ]
-    assert cli("plan", road, "--crs", "EPSG:3006", *QUICK, "--pass", "both").code == 2
+    assert cli("plan", road, *QUICK, "--pass", "both").code == 2
     wrong = cli("plan", obstacles_on_a_road(tmp_path, "up"), "--crs", "EPSG:3006", *QUICK)
     assert (wrong.code, "region 'o0' has pass = 'up'" in wrong.err) == (2, True)
 
@@ -199,18 +196,11 @@ def test_a_side_that_nothing_takes_is_a_warning(cli: Cli, tmp_path: Path) -> Non
 def test_wheels_pass_an_island_on_the_line_on_the_side_that_is_told(
     cli: Cli, tmp_path: Path, given: str | None, options: tuple[str, ...], width: float | None, side: str | None
 ) -> None:
-    ring = [[58.0, -0.8], [64.0, -0.8], [64.0, 0.8], [58.0, 0.8], [58.0, -0.8]]
-    island = {"region": "sweepable", "name": "refuge"} | ({} if given is None else {"pass": given})
-    features = [
-        {
-            "type": "Feature",
-            "properties": {} if width is None else {"width_m": width},
-            "geometry": {"type": "LineString", "coordinates": [[0.0, 0.0], [120.0, 0.0]]},
-        },
-        {"type": "Feature", "properties": island, "geometry": {"type": "Polygon", "coordinates": [ring]}},
-    ]
-    (tmp_path / "island.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    outcome = cli("plan", "island.geojson", *QUICK, "--crs", "EPSG:3006", "--json", "--quiet", *options)
+    line = line_feature(np.array([(0.0, 0.0), (120.0, 0.0)]), **({} if width is None else {"width_m": width}))
+    told = {} if given is None else {"pass": given}
+    island = area_feature([(58.0, -0.8), (64.0, -0.8), (64.0, 0.8), (58.0, 0.8)], region="sweepable", name="refuge", **told)
+    written(tmp_path, line, island, name="island.geojson")
+    outcome = cli("plan", "island.geojson", *QUICK, "--json", "--quiet", *options)
     assert outcome.code == 0
     summary = json.loads(outcome.out)
     (passed,) = summary["passed"]
@@ -222,7 +212,7 @@ def test_wheels_pass_an_island_on_the_line_on_the_side_that_is_told(
 
 def test_the_middle_between_limits_is_that_of_the_sides_found(cli: Cli, tmp_path: Path) -> None:
     road = obstacles_on_a_road(tmp_path)
-    outcome = cli("plan", road, "--crs", "EPSG:3006", "--vehicle", "bus", "--no-plot", "--json", "--quiet", "--bias", "centre")
+    outcome = cli("plan", road, "--vehicle", "bus", "--no-plot", "--json", "--quiet", "--bias", "centre")
     summary = json.loads(outcome.out)
     assert outcome.code == 0
     (side,) = {passed["side"] for passed in summary["passed"]}

@@ -139,8 +139,10 @@ def test_the_planner_measures_what_the_evaluation_measures(vehicle: Vehicle) -> 
 def test_the_gradient_is_that_of_the_measured_imbalance(vehicle: Vehicle) -> None:
     _, memory, z = whole(vehicle)
     rounding = float(memory.balance.data["rounding"][0])
-    window = slice(0, memory.places)
-    _, _, q = measure(memory, z)
+    window, part, horizon = slice(0, memory.places), memory.balance, horizon_at(memory.scene, 0)
+    imbalance, _, q = measure(memory, z)
+    price = part.price(horizon) - part.beside.price(horizon)
+    assert price == pytest.approx(penalty(imbalance[window], rounding), rel=1e-9)  # sums in another order
     change = smooth_change(z, 1.0)
     # no row of their own: the first stage, which is given, and places whose other side lies beyond the last stage
     change[0] = change[memory.stages - 40 :] = 0.0

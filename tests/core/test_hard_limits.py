@@ -115,15 +115,6 @@ def test_the_price_of_a_violation_does_not_matter_while_none_is_needed(vehicle: 
     assert np.max(np.abs(plans[0].z - plans[1].z)) < off
 
 
-@pytest.mark.parametrize("vehicle", [BUS, TRAILER], ids=lambda v: v.name)
-def test_on_a_road_much_too_narrow_rti_ends_where_sqp_does(vehicle: Vehicle) -> None:
-    depths = [
-        judged(drive(uturn().with_limits(2.25, 2.25), vehicle, geometric, RiccatiWorkspace, PlannerSettings(scheme=scheme))).violation
-        for scheme in Scheme
-    ]
-    assert abs(depths[0] - depths[1]) < 0.05  # neither iterates to the last millimetre where limits are broken by decimetres
-
-
 def test_a_wall_in_a_bend_is_passed_and_not_turned_away_from() -> None:
     """A vehicle askew draws its corner back from a wall by turning towards it: a trap for whoever follows the wall's slope."""
     base = load_road("goteborg_tuvevagen_brunnsbo", RoadOptions(max_curvature=0.125))

@@ -74,16 +74,6 @@ def test_a_detour_that_leads_to_an_obstacle_beside_the_line_opens_both_of_its_si
     assert verdict_of(result).fits
 
 
-def test_of_two_free_sides_the_one_that_is_less_off_the_centre_is_taken() -> None:
-    # By room it would be the left; the detour to the right is the shorter one.
-    ((passed,)) = choose_sides(Case(road_with([(60.0, 66.0, -0.4, 1.6)], half_width=9.0).with_limits(9.0, 5.0), BUS))[1]
-    assert passed.side is R
-    assert passed.own is not None
-    assert passed.other is not None
-    assert passed.own.violation == passed.other.violation == 0.0
-    assert passed.own.off_centre < passed.other.off_centre
-
-
 @pytest.mark.parametrize(("right", "side"), [(2.5, R), (2.3, R), (1.9, L)])
 def test_an_obstacle_beside_the_line_is_passed_as_the_line_passes_it_where_the_vehicle_fits(right: float, side: Side) -> None:
     road = road_with([(60.0, 66.0, 0.5, 2.0)]).with_limits(9.0, right)  # right of it 3.0, 2.8 and 2.4 m: too little, too, for the clearance

@@ -107,13 +107,6 @@ def test_a_clearance_that_is_not_kept_is_a_no_although_no_limit_is_broken(bus: R
     assert not lacking.balance.breaches
 
 
-def test_a_wall_thinner_than_any_step_is_not_driven_through_unseen(straight: Result) -> None:
-    wall = Region(Kind.OBSTACLE, shapely.box(40.0, -3.0, 40.02, 3.0), "wall")  # every corner of the overlap lies on both outlines
-    verdict = verdict_of(judged(straight, regions=(wall,)))
-    assert verdict.fits is False
-    assert (verdict.spare or 0.0) < -0.5  # as deep as the bus is wide on either side, at the least
-
-
 def test_a_post_between_two_stations_of_the_envelope_is_not_driven_through_unseen(straight: Result) -> None:
     s, left, right = np.array([0.0, 30.05, 30.1, 30.15, 80.0]), np.array([3.0, 3.0, 0.5, 3.0, 3.0]), np.full(5, -2.0)
     judged_ = judged(straight, limits=Limits(s, left, right, left, right))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from hdvplan.road.path import from_curvature
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.regions import Kind
 from hdvplan.road.road import edge_reaches
+from tests.road.drives import line_feature, written
 
 STRAIGHT = from_curvature(np.array([0.0, 100.0]), np.zeros(2))
 BEND = from_curvature(np.array([0.0, 100.0]), np.full(2, 0.05))  # radius 20 m, to the left, around (0, 20)
@@ -64,39 +64,22 @@ def test_an_edge_of_another_arm_of_the_road_does_not_count() -> None:
 
 
 def test_geojson_lines_that_are_called_edges_bound_the_line_that_is_not(tmp_path: Path) -> None:
-    def line(y: float, **properties: object) -> dict[str, object]:
-        coordinates = [[500000.0, 6400000.0 + y], [500100.0, 6400000.0 + y]]
-        return {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": coordinates}}
-
-    crs = {"type": "name", "properties": {"name": "EPSG:3006"}}
-    features = [line(0.0, name="Street"), line(3.0, edge="left"), line(-2.0, name="Right edge")]
-    (tmp_path / "a.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features, "crs": crs}), encoding="utf-8")
-    limits = load_road(tmp_path / "a.geojson").limits
+    left, right = (np.array([(0.0, y), (100.0, y)]) for y in (3.0, -2.0))
+    street, edges = np.array([(0.0, 0.0), (100.0, 0.0)]), [line_feature(left, edge="left"), line_feature(right, name="Right edge")]
+    limits = load_road(written(tmp_path, line_feature(street, name="Street"), *edges)).limits
     assert limits is not None
     np.testing.assert_allclose(limits.table(np.array([10.0, 90.0])), [[3.0] * 2, [-2.0] * 2] * 2, atol=1e-6)
-    spur = [[500000.0 + x, 6400000.0 + y] for x, y in ((0.0, 3.0), (50.0, 3.0), (50.0, -1.0), (50.0, 3.0), (100.0, 3.0))]
-    spurred = features[1] | {"geometry": {"type": "LineString", "coordinates": spur}}
-    text = json.dumps({"type": "FeatureCollection", "features": [features[0], spurred, features[2]], "crs": crs})
-    (tmp_path / "spur.geojson").write_text(text, encoding="utf-8")
-    (wall,) = load_road(tmp_path / "spur.geojson").regions
+    spur = line_feature(np.array([(0.0, 3.0), (50.0, 3.0), (50.0, -1.0), (50.0, 3.0), (100.0, 3.0)]), edge="left")
+    (wall,) = load_road(written(tmp_path, line_feature(street, name="Street"), spur, edges[1])).regions
     assert (wall.kind, wall.label) == (Kind.OBSTACLE, "edge")
     assert np.ptp(shapely.get_coordinates(wall.polygon), axis=0) == pytest.approx([0.01, 3.99], abs=1e-3)
-    features[0] = line(0.0, name="Street", width_m=7.0)
-    (tmp_path / "b.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features, "crs": crs}), encoding="utf-8")
     with pytest.raises(RoadError, match="has widths, and edges are drawn beside it"):
-        load_road(tmp_path / "b.geojson")
+        load_road(written(tmp_path, line_feature(street, name="Street", width_m=7.0), *edges))
 
 
 def test_notes_on_edges_are_of_the_way_that_is_driven(tmp_path: Path) -> None:
     ends = {"way": (0.0, 100.0), "left": (4.0, 100.0), "right": (-4.0, 70.0)}
-    lines = {
-        name: {"type": "LineString", "coordinates": [[500000.0, 6400000.0 + y], [500000.0 + x, 6400000.0 + y]]}
-        for name, (y, x) in ends.items()
-    }
-    features = [{"type": "Feature", "properties": {"name": name}, "geometry": line} for name, line in lines.items()]
-    crs = {"type": "name", "properties": {"name": "EPSG:3006"}}
-    file = tmp_path / "street.geojson"
-    file.write_text(json.dumps({"type": "FeatureCollection", "features": features, "crs": crs}), encoding="utf-8")
+    file = written(tmp_path, *(line_feature(np.array([(0.0, y), (x, y)]), name=name) for name, (y, x) in ends.items()))
     (drawn,), (turned,) = (load_road(file, RoadOptions(feature="way", reverse=reverse)).notes for reverse in (False, True))
     assert "no edge on the right from s = 70.0 to 100.0 m" in drawn
     assert "no edge on the left from s = 0.0 to 30.0 m" in turned

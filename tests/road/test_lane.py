@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from hdvplan.road.options import RoadOptions
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
+from tests.road.drives import EAST, line_feature, written
 
 S_BEND = from_curvature(np.array([0.0, 30.0, 45.0, 70.0, 100.0, 130.0]), np.array([0.0, 0.0, 0.08, 0.08, -0.1, 0.0]))
 
@@ -127,21 +127,11 @@ def test_what_smoothing_did_is_told_at_its_new_place() -> None:
 
 
 def test_straights_over_gaps_of_kerbs_stay_where_they_are(tmp_path: Path) -> None:
-    lines = {"way": [[0, 0], [100, 0]], "left": [[0, 4], [40, 4]], "left edge": [[60, 4], [100, 4]], "right": [[0, -4], [100, -4]]}
-    features = [
-        {
-            "type": "Feature",
-            "properties": {"name": name},
-            "geometry": {"type": "LineString", "coordinates": [[500000.0 + x, 6400000.0 + y] for x, y in points]},
-        }
-        for name, points in lines.items()
-    ]
-    crs = {"type": "name", "properties": {"name": "EPSG:3006"}}
-    file = tmp_path / "gap.geojson"
-    file.write_text(json.dumps({"type": "FeatureCollection", "features": features, "crs": crs}), encoding="utf-8")
+    lines = {"way": ((0, 0), (100, 0)), "left": ((0, 4), (40, 4)), "left edge": ((60, 4), (100, 4)), "right": ((0, -4), (100, -4))}
+    file = written(tmp_path, *(line_feature(np.array(points), name=name) for name, points in lines.items()))
     for options in (RoadOptions(feature="way"), RoadOptions(feature="way", reverse=True), RoadOptions(feature="way", offset=0.5)):
         (bridge,) = load_road(file, options).bridges
-        assert sorted(bridge[:, 0]) == pytest.approx([500040.0, 500060.0], abs=0.1)
+        assert sorted(bridge[:, 0] - EAST) == pytest.approx([40.0, 60.0], abs=0.1)
 
 
 def samples(path: ReferencePath) -> FloatArray:

@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -19,11 +20,11 @@ from hdvplan.study.conduct import run as run_study
 from hdvplan.study.spec import read_study
 from hdvplan.study.store import KEPT
 from tests.nightly import nightly
+from tests.road.drives import line_feature, written
 from tests.study.conftest import Cli, InHere, kept_in
 from tests.study.test_engines import FAULTY
 from tests.study.test_run import exact
 
-CRS = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}
 STUDY = 'roads = ["bend.csv", "lane.geojson"]\nvehicles = ["bus"]\nhalf_widths = [1.55, 3.5]\nsettings = { horizon = 30, refine = false }\n'
 
 
@@ -65,12 +66,8 @@ def test_cells_without_an_answer_end_in_1(cli: Cli, study_file: Path) -> None:
 
 def test_what_is_noted_of_roads_is_said_with_its_cells(cli: Cli, study_file: Path) -> None:
     """A layer that is not read decides the answer: a plan said so, a study did not."""
-    edge, line = ([[0.0, 3.0], [60.0, 3.0]], [[0.0, 0.0], [60.0, 0.0]])
-    features = [
-        {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": points}}
-        for properties, points in (({}, line), ({"edge": "left"}, edge))
-    ]
-    Path("half.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": CRS, "features": features}), encoding="utf-8")
+    edge, line = (np.array([(0.0, y), (60.0, y)]) for y in (3.0, 0.0))
+    written(study_file.parent, line_feature(line), line_feature(edge, edge="left"), name="half.geojson")
     study_file.write_text('roads = ["half.geojson"]\nvehicles = ["bus", "citaro"]\nsettings = { horizon = 30 }\n', encoding="utf-8")
     outcome = cli("study", "study.toml", "--out", "out", "--workers", "1")
     assert (outcome.code, outcome.err) == (0, "2 cells: half: no edge on the right: it is open to 20 m\n")
