@@ -38,6 +38,7 @@ def test_two_vehicles_meet_where_the_street_is_wide_enough(cli: Cli, tmp_path: P
     assert [(one["name"], one["side"]) for one in told["passed"]] == [("bus, plan there", "right")]
 
 
+@pytest.mark.slow
 def test_where_they_cannot_meet_the_place_is_told(cli: Cli, short_road: str) -> None:
     code, line = _meeting(cli, short_road, 3.05)
     assert code == 1
@@ -48,6 +49,7 @@ def test_where_they_cannot_meet_the_place_is_told(cli: Cli, short_road: str) -> 
     assert again.err.splitlines()[-1] == "hint: the plan in there takes its share: --meeting FROM:TO lets the two meet elsewhere"
 
 
+@pytest.mark.slow
 def test_two_that_cannot_meet_in_the_bend_may_where_one_waits(cli: Cli, tmp_path: Path) -> None:
     own = ("plan", "uturn", "--vehicle", "bus", "--offset", "-1.75", "--left", "5.05", "--right", "1.55", "--no-plot", "--no-proof")
     cli(*own, "--quiet", "--no-refine", "--out", "there")

@@ -15,6 +15,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
 from tests.core.chains import few, units
 from tests.core.twins.street import TO_JUDGE, TO_PLAN, deepest, dense, look, outline, protruding, signed, standing, street_of
+from tests.nightly import nightly
 
 NEAR = 1e-9  # rounding of coordinates of a kilometre, where kerbs go on, is 1e-13; shapely's distances square them
 BUS = load_vehicle("bus")
@@ -192,7 +193,7 @@ def test_the_room_beside_a_line_is_its_signed_distance_from_either_kerb(points: 
         np.testing.assert_allclose(rooms, sign * signed(shapely.LineString(longer(kerb)), beyond(kerb), at), rtol=0.0, atol=NEAR)
 
 
-@pytest.mark.parametrize("half_width", [3.0, 6.0, 10.0])
+@pytest.mark.parametrize("half_width", [nightly(3.0), 6.0, nightly(10.0)])
 def test_inside_a_corner_of_a_wide_road_a_body_is_as_near_to_both_legs_as_it_is(half_width: float) -> None:
     """A body that cuts the corner is nearer to the other leg's kerb than the line is long between the two."""
     corner, unit = np.array([100.0 - half_width, half_width]), BUS.lead

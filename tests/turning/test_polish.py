@@ -15,6 +15,7 @@ from hdvplan.turning.reversing.options import SiteOptions, Template
 from hdvplan.turning.reversing.words import closed_form, details
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
+from tests.nightly import nightly
 from tests.turning.reversals import refuse
 
 
@@ -43,7 +44,8 @@ def test_a_dock_needs_less_where_the_vehicle_swings_out_first(vehicle: str, temp
     assert kappa[0] < 0.0 < kappa.max()  # away from the side to which it turns
 
 
-@pytest.mark.parametrize("template", [Template.DOCK_90, Template.DOCK_45])
+@pytest.mark.slow
+@pytest.mark.parametrize("template", [Template.DOCK_90, nightly(Template.DOCK_45)])
 def test_a_polished_dock_is_judged_as_any_and_ends_as_it_did(template: Template) -> None:
     polished, found = (docked("tractor-semitrailer", template, polish=polish) for polish in (True, False))
     manoeuvre = polished.chosen.manoeuvre
