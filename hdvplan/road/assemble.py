@@ -14,7 +14,7 @@ import shapely
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
 from hdvplan.road.checks import Unit, refuse_no_street
-from hdvplan.road.crs import LONLAT, is_geographic, looks_like_degrees, to_plane
+from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.features import AREAS, LINES, POINTS, Beside, Feature, coordinates_of, flat, label_of, parts_of, role_of
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import RoadOptions, Role, unheeded
@@ -70,7 +70,9 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
     if system is not None and unit.given is not None:
         what = f"{name}: a line in {'degrees' if is_geographic(system) else 'a coordinate reference system'}"
         raise unheeded(what, "unit")
-    plane = None if system is None else to_plane(everything, system, name)
+    if system is not None and is_geographic(system):
+        check_lonlat(everything, name)
+    plane = None if system is None else to_plane(everything, system)
     whole = unit.metres * everything if plane is None else plane.points
     placed = np.split(whole, np.cumsum([len(part) for part in parts])[:-1])
     beside = Beside(name, system, plane, options, tuple(line.feature.geometry for line in chosen), unit.metres)

@@ -112,18 +112,16 @@ def parse_crs(name: str) -> CRS:
     return crs
 
 
-def to_plane(points: FloatArray, name: str = LONLAT, where: str = "the line") -> Plane:
-    """Return points in a plane in which lengths are true; as ``placed``. ``where`` begins messages about degrees.
+def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
+    """Return points in a plane in which lengths are true; as ``placed``.
 
     Raises:
-        RoadError: as ``placed`` and ``check_lonlat``, degrees for metres, or lengths in this system are wrong by more than 1 % here.
+        RoadError: as ``placed``, degrees for metres, or lengths in this system are wrong by more than 1 % here.
 
     """
     from pyproj import Geod  # noqa: PLC0415 - see above
 
-    if is_geographic(name):
-        check_lonlat(points, where)
-    elif looks_like_degrees(points):
+    if looks_like_degrees(points) and not is_geographic(name):
         msg = f"the coordinates look like degrees, but {name} is in metres"
         raise RoadError(msg, hint="--crs is the system of the road's own coordinates: leave it out")
     plane = placed(points, name)

@@ -14,7 +14,7 @@ from hdvplan.errors import RoadError
 from hdvplan.lengths import METRES
 from hdvplan.road.checks import LARGEST_M, Unit, refuse_no_street, refuse_unreadable, text_of
 from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, has_geometry, is_header, named_among, unread_note
-from hdvplan.road.crs import LONLAT, is_geographic, looks_like_degrees, to_plane
+from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.line import RawRoad
 from hdvplan.road.options import USUAL, RoadOptions, unheeded
 from hdvplan.road.properties import in_legs, signs_in
@@ -173,7 +173,9 @@ def _line_in(table: Table, name: str, options: RoadOptions) -> RawRoad:
         if columns.unit is None:
             refuse_no_street([points], raw.reaches, (), Unit(unit), name, raw.lines)
         return raw
-    plane = to_plane(points, crs, name)
+    if is_geographic(crs):
+        check_lonlat(points, name)
+    plane = to_plane(points, crs)
     return replace(raw, points=plane.points, to_lonlat=plane.to_lonlat)
 
 
