@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import gc
+import math
 from collections.abc import Iterator
 
 import pytest
+
+from hdvplan.cli import console
 
 
 def pytest_collection_finish() -> None:
@@ -19,4 +22,12 @@ def _what_is_passed_over_stays_so() -> Iterator[None]:
     """Keep benchmarks in this process, which look for garbage before every drive, from letting Python look at all of it again."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(gc, "unfreeze", lambda: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_line_of_progress() -> Iterator[None]:
+    """Keep commands quiet on a machine so busy that they take long: tests hold what stderr says."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(console, "_TELL_S", math.inf)
         yield

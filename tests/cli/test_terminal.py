@@ -52,6 +52,7 @@ def test_a_terminal_gets_progress_with_the_time_left_and_no_colour_if_it_asks_fo
 def test_without_a_terminal_a_line_every_ten_seconds_has_the_time_left(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr("hdvplan.cli.console._TELL_S", 10.0)
     seconds = iter([0.0, 4.0, 11.0, 13.0, 90.0])
     monkeypatch.setattr("hdvplan.cli.console.monotonic", lambda: next(seconds))
     with progress("planning 8 cells", quiet=False) as tell:
