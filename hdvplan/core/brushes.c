@@ -13,7 +13,7 @@
 #define HALF 0.5                    /* of the way to the next pose: from there on that one counts */
 static const double NEVER_M = 1e-9; /* a corner of a body so near to a corner of a kerb has no direction from there */
 
-enum { TOGETHER = 8, CORNERS = 4 }; /* poses for which pieces are looked for at once; of a body */
+enum { CORNERS = 4 }; /* of a body */
 
 /* A corner of a body: rear right, rear left, front right, front left. */
 struct corner {
@@ -216,57 +216,19 @@ static void begin_body(
     }
 }
 
-/* What a body takes up at some poses, in the axes of one of them, with all that it may come: so much to either side. */
-static struct box_beside
-box_of(const struct hdv_tracked *on, const struct hdv_posed *posed, int64_t first, int64_t beyond, int64_t number) {
-    const struct hdv_unit *unit = &on->units[number];
-    const struct hdv_pose *pose = &posed->poses[(first + beyond) / 2 * on->count + number];
-    double longest = larger(unit->front, unit->rear_overhang), reach = 0.0;
-    struct box_beside in = {pose, 0.0, 0.0, 0.0, line_beside(unit, posed->s[first], posed->behind[number])};
-    in.line.high = line_beside(unit, posed->s[beyond - 1], posed->behind[number]).high;
-    for (int64_t i = first; i < beyond; i++) {
-        struct hdv_stray stray = stray_at(on, posed->front[i], number);
-        reach = larger(reach, moved(&stray, longest, unit->half_width));
-        for (int corner = 0; corner < CORNERS; corner++) {
-            double ahead = corner < 2 ? -unit->rear_overhang : unit->front;
-            double left = corner % 2 ? unit->half_width : -unit->half_width;
-            struct plane_point point = body_point(&posed->poses[i * on->count + number], ahead, left);
-            double x = point.x - pose->x, y = point.y - pose->y, v = y * pose->cos - x * pose->sin;
-            in.rear = smaller(in.rear, x * pose->cos + y * pose->sin);
-            in.front = larger(in.front, x * pose->cos + y * pose->sin);
-            in.side = larger(in.side, fabs(v));
-        }
-    }
-    in.rear -= reach;
-    in.front += reach;
-    in.side += reach;
-    return in;
-}
-
 /* Write the pairs that bodies may close, as far as there is room; return how many there are. */
 HDV_EXPORT int64_t hdv_brushes(
     const struct hdv_tracked *on, const struct hdv_street *street, const struct hdv_posed *posed,
     struct hdv_brush *brushes, int64_t room
 ) {
     struct found found = {brushes, room, 0};
-    struct some_pieces near;
     struct body body;
-    for (int64_t first = 0; first < posed->count; first += TOGETHER) {
-        int64_t beyond = first + TOGETHER < posed->count ? first + TOGETHER : posed->count;
+    for (int64_t i = 0; i < posed->count; i++) {
         for (int64_t number = 0; number < on->count; number++) {
-            struct box_beside in = box_of(on, posed, first, beyond, number);
-            for (int64_t from = 0; from >= 0;) {
-                from = pieces_from(from, street, &in, &near);
-                for (int64_t i = first; near.count > 0 && i < beyond; i++) {
-                    struct stretch_of_line beside = line_beside(&on->units[number], posed->s[i], posed->behind[number]);
-                    begin_body(&body, on, street, posed, i, number);
-                    for (int64_t at = 0; at < near.count; at++) {
-                        const struct hdv_piece *piece = &street->pieces[near.numbers[at]];
-                        if (piece->s_high >= beside.low && piece->s_low <= beside.high)
-                            meet_body(&found, &body, near.numbers[at]);
-                    }
-                }
-            }
+            begin_body(&body, on, street, posed, i, number);
+            struct box_beside in = box_around(body.unit, body.pose, posed->s[i], posed->behind[number], body.reach);
+            for (int64_t piece = next_in(street, &in, 0); piece >= 0; piece = next_in(street, &in, piece + 1))
+                meet_body(&found, &body, piece);
         }
     }
     return found.count;

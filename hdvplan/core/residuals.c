@@ -108,34 +108,3 @@ void hdv_residuals(const struct hdv_program *program, const struct hdv_point *po
     int64_t n = program->shape.states, m = program->shape.inputs;
     HDV_UNROLLED(n, m, judge, program, point, found);
 }
-
-/* The sum of many numbers, which is finite where all of them are; eight at a time, as each addition waits for the one
- * before. */
-static double sum_of(const double *numbers, int64_t count) {
-    double sums[8] = {0.0}, total = 0.0;
-    int64_t whole = count - count % 8;
-    for (int64_t i = 0; i < whole; i += 8)
-        for (int64_t lane = 0; lane < 8; ++lane)
-            sums[lane] += numbers[i + lane];
-    for (int64_t i = whole; i < count; ++i)
-        total += numbers[i];
-    for (int64_t lane = 0; lane < 8; ++lane)
-        total += sums[lane];
-    return total;
-}
-
-/* Return the faults of a program's values. Their sum is not finite where one of them is not, or where they are huge. */
-HDV_EXPORT int64_t hdv_check(const struct hdv_program *program) {
-    const struct hdv_shape *shape = &program->shape;
-    int64_t n = shape->states, m = shape->inputs, b = shape->bounded, last = shape->stages;
-    double sum = sum_of(program->stages, (last + 1) * stage_size(n, m, b));
-    sum += sum_of(program->rows, (last + 1) * shape->rows * (n + 3)) + sum_of(program->x_first, n);
-    int64_t faults = fabs(sum) < INFINITY ? 0 : HDV_NOT_FINITE;
-    for (int64_t i = 0; i <= last; ++i) {
-        struct stage stage = stage_at(program, n, m, i);
-        struct range bounds = bounds_at(shape, i);
-        for (int64_t number = bounds.begin; number < bounds.end; ++number)
-            faults |= stage.low[number] > stage.high[number] ? HDV_CROSSED : 0;
-    }
-    return faults;
-}

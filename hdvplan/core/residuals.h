@@ -1,4 +1,4 @@
-/* How far a primal-dual point is from optimal, and whether a program's values can be solved at all. */
+/* How far a primal-dual point is from optimal. */
 #ifndef HDVPLAN_RESIDUALS_H
 #define HDVPLAN_RESIDUALS_H
 
@@ -18,8 +18,6 @@ struct hdv_residuals {
     double dual;   /* largest entry of the Lagrangian's gradient */
     double gap;    /* |complementarity| summed over all inequalities */
 };
-
-enum hdv_fault { HDV_NOT_FINITE = 1, HDV_CROSSED = 2 };
 
 HDV_EXPORT void
 hdv_residuals(const struct hdv_program *program, const struct hdv_point *point, struct hdv_residuals *found);

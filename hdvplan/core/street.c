@@ -33,26 +33,14 @@ struct nearest {
 static const struct nearest nothing = {INFINITY, INFINITY, 0.0, 0.0, 0.0, -1};
 static const struct hdv_contact none = {INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, -1};
 
-enum { MOST_KERBS = 8 };  /* that are looked at together: of more near a body, those of the least numbers first */
 enum { ALL = -1 };        /* kerbs, of wheels and of bodies */
 enum { REMEMBERED = 64 }; /* blocks whose distance is kept: those after them are looked at twice */
-
-/* A kerb beside an outline. */
-struct beside {
-    int64_t kerb;
-    int64_t first; /* number of its first piece there */
-    int side;      /* 0: a left kerb, 1: a right one */
-};
 
 /* The part of a body that a kerb bounds: all of it, or its wheels and what lies between. */
 struct outline {
     double rear, front, half_width; /* [m] */
     double x[4], y[4];              /* its corners in the plane: rear right, rear left, front right, front left [m] */
     int64_t wheels;                 /* of the pieces that count, or ALL */
-    int64_t from;                   /* kerbs of lesser numbers were looked at before */
-    int more;                       /* 1: there are others */
-    int kerbs;
-    struct beside beside[MOST_KERBS]; /* in the order of their first pieces */
 };
 
 /* What is looked at: the blocks of pieces beside a body. */
@@ -66,8 +54,7 @@ struct search {
     double last;      /* arclength beyond which nothing counts [m] */
     const struct hdv_block *blocks;
     int64_t count;
-    int64_t wheels; /* 0: no kerb is one that wheels alone must keep */
-    double reach;   /* that what is nearest is among the blocks up to [m] */
+    double reach; /* that what is nearest is among the blocks up to [m] */
 };
 
 /* Whether pieces of a stretch of line may hold the place that is nearest to a point at arclength s [m]. */
@@ -197,7 +184,6 @@ static void begin_outline(
     on->front = front;
     on->half_width = half_width;
     on->wheels = wheels;
-    on->from = 0;
     for (int corner = 0; corner < 4; corner++) {
         double u = corner_u(on, corner), v = corner_v(on, corner);
         on->x[corner] = pose->x + u * pose->cos - v * pose->sin;
@@ -205,56 +191,18 @@ static void begin_outline(
     }
 }
 
-/* The number of a block's first piece beside an end of an outline, or -1. */
-static int64_t first_beside(const struct search *in, const struct hdv_block *block, const struct outline *on) {
-    for (int64_t i = 0; i < block->count; i++) {
-        const struct hdv_piece *piece = &in->street->pieces[block->numbers[i]];
-        if (is_beside(piece->s_low, piece->s_high, in->axle + on->rear) ||
-            is_beside(piece->s_low, piece->s_high, in->axle + on->front))
-            return block->numbers[i];
+/* The next block, from a number on, that is the first of a kerb which bounds an outline; their count where there is
+ * none. */
+static int64_t next_kerb(const struct search *in, const struct outline *on, int64_t from) {
+    for (int64_t known = 0; from < in->count; from++) {
+        if (on->wheels != ALL && in->blocks[from].wheels != on->wheels)
+            continue;
+        for (known = 0; known < from && in->blocks[known].kerb != in->blocks[from].kerb; known++)
+            continue;
+        if (known == from)
+            return from;
     }
-    return -1;
-}
-
-/* Add a kerb to those beside an outline; where there is no place for it, the one with the greatest number is put off.
- */
-static void add_kerb(struct outline *on, struct beside kerb) {
-    int at = on->kerbs, last = 0;
-    if (on->kerbs == MOST_KERBS) {
-        on->more = 1;
-        for (int number = 1; number < on->kerbs; number++)
-            last = on->beside[number].kerb > on->beside[last].kerb ? number : last;
-        if (on->beside[last].kerb < kerb.kerb)
-            return;
-        for (at = last; at < on->kerbs - 1; at++)
-            on->beside[at] = on->beside[at + 1];
-    } else {
-        on->kerbs++;
-    }
-    for (; at > 0 && on->beside[at - 1].first > kerb.first; at--)
-        on->beside[at] = on->beside[at - 1];
-    on->beside[at] = kerb;
-}
-
-/* List the kerbs beside an outline that were not looked at before. */
-static void list_kerbs(const struct search *in, struct outline *on) {
-    on->kerbs = on->more = 0;
-    for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
-        const struct hdv_block *block = &in->blocks[i];
-        int known = block->kerb < on->from || (on->wheels != ALL && block->wheels != on->wheels);
-        for (int number = 0; number < on->kerbs && !known; number++)
-            known = on->beside[number].kerb == block->kerb;
-        int64_t first = known ? -1 : first_beside(in, block, on);
-        if (first >= 0)
-            add_kerb(on, (struct beside){block->kerb, first, block->left ? 0 : 1});
-    }
-}
-
-/* Go on to the kerbs that an outline had no place for; 0 where there are none. */
-static int next_kerbs(struct outline *on) {
-    for (int number = 0; number < on->kerbs; number++)
-        on->from = on->beside[number].kerb >= on->from ? on->beside[number].kerb + 1 : on->from;
-    return on->more;
+    return from;
 }
 
 /* Whether the kerbs of a side count for a corner: in a plan those on its own side alone do. */
@@ -404,7 +352,7 @@ see_block(const struct hdv_block *block, const struct hdv_pose *pose, double *re
 static void meet_sides(const struct search *in, const struct outline *on, struct hdv_contacts *found) {
     double beyond = in->look == HDV_TO_PLAN ? PASSING_M : 0.0, u[HDV_TOGETHER], v[HDV_TOGETHER];
     double rear = on->rear - beyond, front = on->front + beyond;
-    for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
+    for (int64_t i = 0; i < in->count; i++) {
         const struct hdv_block *block = &in->blocks[i];
         if (block->corners == 0 || block->wheels != on->wheels)
             continue;
@@ -436,15 +384,16 @@ static struct hdv_contact corner_contact(
 
 /* Take over what an outline's corners meet. */
 static void take_corners(const struct search *in, const struct outline *on, struct hdv_contacts *found) {
-    for (int number = 0; number < on->kerbs; number++) {
-        const struct beside *beside = &on->beside[number];
-        double *near = &found->near[beside->side];
+    for (int64_t first = next_kerb(in, on, 0); first < in->count; first = next_kerb(in, on, first + 1)) {
+        int64_t kerb = in->blocks[first].kerb;
+        int side = in->blocks[first].left ? 0 : 1;
+        double *near = &found->near[side];
         for (int corner = 0; corner < 4; corner++) {
-            if (!counts(in, beside->side, corner))
+            if (!counts(in, side, corner))
                 continue;
-            struct nearest at = nearest_of(in, on, beside->kerb, corner);
-            struct hdv_contact *to = &found->at[beside->side][section_of(in->unit, corner_u(on, corner))];
-            keep(to, corner_contact(in, on, beside->kerb, corner, &at));
+            struct nearest at = nearest_of(in, on, kerb, corner);
+            struct hdv_contact *to = &found->at[side][section_of(in->unit, corner_u(on, corner))];
+            keep(to, corner_contact(in, on, kerb, corner, &at));
             *near = smaller(*near, smaller(to->gap, at.gap));
         }
     }
@@ -452,12 +401,13 @@ static void take_corners(const struct search *in, const struct outline *on, stru
 
 /* The same of the corners of overhangs with the kerbs that wheels must keep: each with those on its own side. */
 static void take_overhangs(const struct search *in, const struct outline *on, struct hdv_contacts *found) {
-    for (int number = 0; number < on->kerbs; number++) {
-        const struct beside *beside = &on->beside[number];
+    for (int64_t first = next_kerb(in, on, 0); first < in->count; first = next_kerb(in, on, first + 1)) {
+        int64_t kerb = in->blocks[first].kerb;
+        int side = in->blocks[first].left ? 0 : 1;
         for (int end = 0; end < 2; end++) {
-            int corner = 2 * end + (beside->side == 0);
-            struct nearest at = nearest_of(in, on, beside->kerb, corner);
-            keep(&found->overhang[beside->side][end], corner_contact(in, on, beside->kerb, corner, &at));
+            int corner = 2 * end + (side == 0);
+            struct nearest at = nearest_of(in, on, kerb, corner);
+            keep(&found->overhang[side][end], corner_contact(in, on, kerb, corner, &at));
         }
     }
 }
@@ -471,22 +421,9 @@ static void begin_contacts(struct hdv_contacts *found) {
     }
 }
 
-/* The first piece after those that may be beside arclengths up to ``high``. */
-static int64_t first_beyond(const struct hdv_street *street, int64_t from, double high) {
-    int64_t low = from, beyond = street->count;
-    while (low < beyond) {
-        int64_t middle = low + (beyond - low) / 2;
-        if (street->pieces[middle].s_low <= high)
-            low = middle + 1;
-        else
-            beyond = middle;
-    }
-    return low;
-}
-
 /* The stretch of line beside which pieces are looked at for a body whose axle is so far behind the lead rear axle,
  * which is at arclength s [m]. */
-struct stretch_of_line line_beside(const struct hdv_unit *unit, double s, double behind) {
+static struct stretch_of_line line_beside(const struct hdv_unit *unit, double s, double behind) {
     double axle = s - behind;
     return (struct stretch_of_line){axle - unit->rear_overhang - WINDOW_M, axle + unit->front + WINDOW_M};
 }
@@ -497,9 +434,8 @@ static void range_over(struct search *in, struct stretch_of_line line) {
     int64_t first = first_at(street->block_reach, street->block_count, line.low), beyond = first;
     in->low = line.low;
     in->high = line.high;
-    in->wheels = 0;
     while (beyond < street->block_count && street->blocks[beyond].s_low <= line.high)
-        in->wheels |= street->blocks[beyond++].wheels;
+        beyond++;
     in->blocks = &street->blocks[first];
     in->count = beyond - first;
     in->reach = INFINITY;
@@ -593,7 +529,7 @@ static void meet_piece(const struct search *in, int64_t number, const struct out
 static void
 meet_pieces(const struct search *in, const struct outline *on, const double seen[2], struct hdv_contacts *found) {
     const struct box_beside box = {in->pose, on->rear, on->front, on->half_width, {in->low, in->high}};
-    for (int64_t i = 0; i < in->count && on->wheels <= in->wheels; i++) {
+    for (int64_t i = 0; i < in->count; i++) {
         const struct hdv_block *block = &in->blocks[i];
         if (block->wheels != on->wheels || seen[block->left ? 0 : 1] < -SEEN_M)
             continue;
@@ -603,22 +539,21 @@ meet_pieces(const struct search *in, const struct outline *on, const double seen
     }
 }
 
-/* List the pieces of a box beside a stretch of line, from a number on; return the number from which on there may be
- * more, or -1. */
-int64_t
-pieces_from(int64_t from, const struct hdv_street *street, const struct box_beside *in, struct some_pieces *found) {
-    int64_t first = first_at(street->reach, street->count, in->line.low);
-    int64_t beyond = first_beyond(street, first, in->line.high);
-    found->count = 0;
-    for (int64_t number = from > first ? from : first; number < beyond; number++) {
-        const struct hdv_piece *piece = &street->pieces[number];
-        if (!is_in(piece, in))
-            continue;
-        if (found->count == HDV_SOME)
+/* The first piece, from a number on, that lies in a box beside a stretch of line; -1 where there is none. */
+int64_t next_in(const struct hdv_street *street, const struct box_beside *in, int64_t from) {
+    int64_t first = first_at(street->reach, street->count, in->line.low), number = from > first ? from : first;
+    for (; number < street->count && street->pieces[number].s_low <= in->line.high; number++)
+        if (is_in(&street->pieces[number], in))
             return number;
-        found->numbers[found->count++] = number;
-    }
     return -1;
+}
+
+/* What is within ``reach`` [m] of a body, beside whose axle the line is at s - behind [m]. */
+struct box_beside
+box_around(const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind, double reach) {
+    return (struct box_beside){
+        pose, -unit->rear_overhang - reach, unit->front + reach, unit->half_width + reach, line_beside(unit, s, behind),
+    };
 }
 
 /* Add a place of another block to a block, and to all places after it. */
@@ -639,9 +574,7 @@ void pieces_near(
     const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
     double reach, struct hdv_near *found
 ) {
-    struct box_beside box = {
-        pose, -unit->rear_overhang - reach, unit->front + reach, unit->half_width + reach, line_beside(unit, s, behind),
-    };
+    struct box_beside box = box_around(unit, pose, s, behind, reach);
     struct search in = {.street = street};
     int64_t listed = 0;
     found->count = 0;
@@ -679,7 +612,6 @@ void look_at_body(
         in.high = INFINITY;
         in.blocks = among->blocks;
         in.count = among->count;
-        in.wheels = 1;
         in.reach = among->reach;
     } else {
         range_over(&in, line_beside(unit, s, behind));
@@ -691,14 +623,9 @@ void look_at_body(
     begin_contacts(found);
     meet_sides(&in, &body, found);
     meet_sides(&in, &wheels_of, found);
-    do {
-        list_kerbs(&in, &body);
-        list_kerbs(&in, &wheels_of);
-        list_kerbs(&in, &overhangs);
-        take_corners(&in, &body, found);
-        take_corners(&in, &wheels_of, found);
-        take_overhangs(&in, &overhangs, found);
-    } while (next_kerbs(&body) + next_kerbs(&wheels_of) + next_kerbs(&overhangs) > 0);
+    take_corners(&in, &body, found);
+    take_corners(&in, &wheels_of, found);
+    take_overhangs(&in, &overhangs, found);
     if (look == HDV_TO_JUDGE) {
         const double seen[2] = {
             smaller(found->at[0][0].gap, found->at[0][1].gap), smaller(found->at[1][0].gap, found->at[1][1].gap)
@@ -726,13 +653,10 @@ static void rooms_at(const struct hdv_street *street, struct outline *point, dou
     struct search in = {.street = street, .axle = s};
     range_over(&in, (struct stretch_of_line){s - WINDOW_M, s + WINDOW_M});
     rooms[0] = rooms[1] = INFINITY;
-    do {
-        list_kerbs(&in, point);
-        for (int number = 0; number < point->kerbs; number++) {
-            double *room = &rooms[point->beside[number].side];
-            *room = smaller(*room, nearest_of(&in, point, point->beside[number].kerb, 0).gap);
-        }
-    } while (next_kerbs(point));
+    for (int64_t first = next_kerb(&in, point, 0); first < in.count; first = next_kerb(&in, point, first + 1)) {
+        double *room = &rooms[in.blocks[first].left ? 0 : 1];
+        *room = smaller(*room, nearest_of(&in, point, in.blocks[first].kerb, 0).gap);
+    }
 }
 
 /* Write the signed distance of points x, y of the line at arclengths s (points,) to the left and the right kerbs,

@@ -87,13 +87,7 @@ enum hdv_look {
 
 enum { HDV_SOME = 128 };
 
-/* Some pieces of a street, by their numbers. */
-struct some_pieces {
-    int64_t count; /* -1: too many to be listed */
-    int64_t numbers[HDV_SOME];
-};
-
-/* The same by blocks, near a body. */
+/* Some pieces of a street near a body, by blocks. */
 struct hdv_near {
     int64_t count; /* -1: too many pieces to be listed */
     double reach;  /* further from the body there are others [m] */
@@ -112,9 +106,9 @@ struct box_beside {
     struct stretch_of_line line;
 };
 
-struct stretch_of_line line_beside(const struct hdv_unit *unit, double s, double behind);
-int64_t
-pieces_from(int64_t from, const struct hdv_street *street, const struct box_beside *in, struct some_pieces *found);
+struct box_beside
+box_around(const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind, double reach);
+int64_t next_in(const struct hdv_street *street, const struct box_beside *in, int64_t from);
 void pieces_near(
     const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
     double reach, struct hdv_near *found

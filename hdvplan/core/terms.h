@@ -18,21 +18,17 @@ HDV_EXPORT void hdv_advance(
     const double *z, double kappa, double *z_next
 );
 
-/* Smooth steering: weight (kappa_i - kappa_{i-1})^2 ([GEO] eq. 20), with the limits of curvature and of its change. */
-struct hdv_smoothness {
-    double weight; /* [m^2] */
-    double most;   /* curvature [1/m] */
-    double change; /* largest, from station to station [1/m] */
-};
-
-/* What a plan wants from axles that it steers itself, and what their wheels can do. */
+/* What is steered, the curvature of the lead unit first, then the wheels of axles that the plan steers itself:
+ * smoothly, weight (kappa_i - kappa_{i-1})^2 ([GEO] eq. 20), and wheels as wanted; with the limits of all and of their
+ * changes. */
 struct hdv_steering {
     int64_t wheels;       /* axles that the plan steers: the last of the vehicle's states */
     const double *aim;    /* (stations, wheels), the wanted angles, left positive [rad] */
-    const double *most;   /* (wheels,), angle [rad] */
-    const double *change; /* (wheels,), largest, from station to station [rad] */
+    const double *most;   /* (1 + wheels,) [1/m, rad] */
+    const double *change; /* (1 + wheels,), largest, from station to station [1/m, rad] */
+    double smoothness;    /* weight of the square of a change of curvature [m^2] */
     double angle_weight;  /* of the squared difference from the wanted angle [m^2] */
-    double change_weight; /* of the square of a change [m^2] */
+    double change_weight; /* of the square of an angle's change [m^2] */
 };
 
 /* Coefficients of the residual at one station. */
@@ -59,9 +55,8 @@ struct hdv_centring {
 };
 
 /* The functions of the terms that every planner may have. */
-HDV_EXPORT hdv_linearise hdv_linearise_dynamics, hdv_linearise_smoothness, hdv_linearise_centring,
-    hdv_linearise_steering, hdv_linearise_limits;
-HDV_EXPORT hdv_price hdv_price_dynamics, hdv_price_smoothness, hdv_price_centring, hdv_price_steering, hdv_price_limits;
+HDV_EXPORT hdv_linearise hdv_linearise_dynamics, hdv_linearise_steering, hdv_linearise_centring, hdv_linearise_limits;
+HDV_EXPORT hdv_price hdv_price_dynamics, hdv_price_steering, hdv_price_centring, hdv_price_limits;
 
 /* A sampled point of a body's edge. */
 struct hdv_edge_point {

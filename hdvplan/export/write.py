@@ -23,6 +23,7 @@ from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import planner_record
 from hdvplan.planning.terms.centring import Centring, CentringPart
 from hdvplan.planning.terms.limits import LimitsPart
+from hdvplan.planning.terms.steering import bounds_of
 from hdvplan.planning.terms.term import CorePart, Part, Scene
 from hdvplan.qp.program import by_stage
 from hdvplan.record import NAME as RECORD
@@ -32,7 +33,7 @@ from hdvplan.solvers.riccati import TOLERANCE
 from hdvplan.version import __version__
 
 PLANNER = (  # files of the core that plan
-    "step", "motion", "dynamics", "smoothness", "centring", "steering", "limits", "street", "screening", "solve", "active_set", "interior",
+    "step", "motion", "dynamics", "steering", "centring", "limits", "street", "screening", "solve", "active_set", "interior",
     "riccati", "residuals",
 )  # fmt: skip
 _SAMPLE = ("simulate",)  # that drive the sample
@@ -160,9 +161,7 @@ def _vehicle(planner: _Planner, case: Case, budget: Budget) -> str:
     limits = parts.get("limits")
     own = planner_record(scene.vehicle, planner.begun.goal, scene.settings)
     own["most_factorisations"], own["most_linearisations"] = budget.factorisations, budget.linearisations
-    wheels = [scene.vehicle.units[axle] for axle in scene.vehicle.active]
-    most = np.array([scene.vehicle.max_curvature, *(unit.max_steering_angle for unit in wheels)])
-    change = scene.settings.step * np.array([scene.vehicle.max_curvature_rate, *(unit.max_steering_rate for unit in wheels)])
+    most, change = bounds_of(scene.vehicle, scene.settings.step)
     arrays = [
         array("units", scene.units, "hdv_unit"),
         array("most", most),
@@ -172,7 +171,7 @@ def _vehicle(planner: _Planner, case: Case, budget: Budget) -> str:
         array("rows", by_stage(_begins_with(scene.qp.rows))),
         array("bounded", scene.qp.bounded),
     ]
-    records = {name: record(parts[name].data) for name in ("dynamics", "smoothness", "centring", "steering", "limits") if name in parts}
+    records = {name: record(parts[name].data) for name in ("dynamics", "steering", "centring", "limits") if name in parts}
     fields = [f".units = units, .planner = {record(own)}", *(f".{name} = {values}" for name, values in records.items())]
     fields += [*(f".{name} = {name}" for name in ("most", "change", "behind", "stage", "rows", "bounded")), f".tolerance = {TOLERANCE!r}"]
     listed = ",\n".join(f"    {field}" for field in fields)
@@ -196,7 +195,7 @@ _STREET = {"pieces": "hdv_piece", "reach": "", "blocks": "hdv_block", "block_rea
 def _sample(planner: _Planner, case: Case) -> str:
     """Return ``sample.c``: a road's tables, and the vehicle at its start."""
     stations, begin, parts = planner.begun.stations, planner.begun.begin, planner.parts
-    centring, street, steering = parts["centring"], stations.street, parts.get("steering")
+    centring, street, steering = parts["centring"], stations.street, parts["steering"]
     assert isinstance(centring, CentringPart)  # noqa: S101 - for the type checker
     total = int(np.ceil(planner.begun.road.path.length / stations.step - 1e-9))
     curve = stations.path.record
@@ -206,7 +205,7 @@ def _sample(planner: _Planner, case: Case) -> str:
         array("states", stations.centring.states),
         array("curvatures", stations.centring.kappa),
         array("residuals", centring.coefficients, "hdv_residual"),
-        array("angles", steering.kept[0] if steering else np.zeros(1)),
+        array("angles", steering.kept[0]),
         *(array(name, getattr(street, name), kind) for name, kind in (_STREET.items() if street else ())),
     ]
     own = {} if street is None else {"street": record(_kept(street.record, case), {name: name for name in _STREET})}

@@ -99,7 +99,7 @@ def _sweep(
     s, z = np.ascontiguousarray(s), np.ascontiguousarray(z)
     count, points = outlines.shape[:2]
     low, high = np.full((count, len(stations)), np.inf), np.full((count, len(stations)), -np.inf)
-    tracks = np.zeros((count, points, 5))
+    tracks = np.zeros((count, points, 4))
     _core_sweep(
         core.address(units), count, z.shape[1], core.address(path.record), len(s), core.address(s), core.address(z), points,
         core.address(outlines), core.address(tracks), len(stations), stations[0], SPACING_M, core.address(low), core.address(high),

@@ -11,17 +11,16 @@ from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.limits import limits_of
-from hdvplan.planning.terms.steering import Dynamics, Smoothness, Steering
+from hdvplan.planning.terms.steering import Dynamics, Steering
 from hdvplan.planning.terms.term import Columns, Motion, Needs, Part, Scene, Term, owned_by
 from hdvplan.qp.program import StageQp, StageShape
 from hdvplan.vehicle.model import Vehicle
 
 
-def terms_of(vehicle: Vehicle, stations: Stations, goal: Goal, settings: PlannerSettings) -> tuple[Term, ...]:
+def terms_of(stations: Stations, goal: Goal, settings: PlannerSettings) -> tuple[Term, ...]:
     """Return all terms of a drive's programs, in the order in which they are linearised: the dynamics clear what others add to."""
     limits = limits_of(stations, settings)
-    steering = (Steering(),) if vehicle.active else ()
-    return (Dynamics(), Smoothness(), *goal.terms, *steering, *((limits,) if limits else ()))
+    return (Dynamics(), Steering(), *goal.terms, *((limits,) if limits else ()))
 
 
 def needs_of(term: Term, vehicle: Vehicle) -> Needs:
@@ -68,7 +67,7 @@ def assemble(
 
     ``capacity`` is for how many stages there is memory: by default for those of one horizon.
     """
-    terms = terms_of(vehicle, stations, goal, settings)
+    terms = terms_of(stations, goal, settings)
     most = (settings.stages + 1 if capacity is None else capacity) - 1
     qp = StageQp.empty(qp_shape(vehicle, most, terms))
     scene = Scene(vehicle, stations, settings, vehicle.table(), qp, Motion.empty(vehicle, most))

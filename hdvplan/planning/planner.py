@@ -19,6 +19,7 @@ from hdvplan.planning.assembly import assemble
 from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import Stations
+from hdvplan.planning.terms.steering import bounds_of
 from hdvplan.planning.terms.term import CorePart, PythonPart
 from hdvplan.qp.program import StageQp, StageSolution
 from hdvplan.qp.workspace import ENDINGS, Judge, Moment, QpResult, Residuals, Status, WorkspaceMaker, refusal
@@ -119,9 +120,7 @@ class Planner:
         callees = [part if isinstance(part, CorePart) else PythonPart(part, scene) for part in parts]
         self._python = [part for part in callees if isinstance(part, PythonPart)]
         terms = [part.term for part in callees]
-        wheels = [vehicle.units[axle] for axle in vehicle.active]
-        most = np.array([vehicle.max_curvature, *(unit.max_steering_angle for unit in wheels)])
-        change = settings.step * np.array([vehicle.max_curvature_rate, *(unit.max_steering_rate for unit in wheels)])
+        most, change = bounds_of(vehicle, settings.step)
         own = (scene.qp.stages, scene.qp.rows, scene.motion.stages, scene.motion.poses, self._points.stages, self._points.row_points)
         arrays = [*own, *(array for part in parts for array in part.memory)]
         self._start, self._states = np.zeros(vehicle.states), np.ascontiguousarray(stations.centring.states)

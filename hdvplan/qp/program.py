@@ -27,8 +27,6 @@ from hdvplan import core
 from hdvplan.arrays import BoolArray, FloatArray, IntArray, Records
 from hdvplan.errors import QpDataError
 
-_check = core.function("hdv_check", core.POINTER, returns=core.INT)
-_NOT_FINITE, _CROSSED = core.number("HDV_NOT_FINITE"), core.number("HDV_CROSSED")
 MOST_STATES, MOST_INPUTS = core.number("HDV_MOST_STATES"), core.number("HDV_MOST_INPUTS")  # for which the core has room
 
 
@@ -167,13 +165,12 @@ class StageQp:
             QpDataError: with the name of the array at fault.
 
         """
-        faults = _check(self.address)
-        if faults & _NOT_FINITE:
+        if not np.isfinite(self.buffer).all():
             for name in NAMES:
                 if not np.isfinite(getattr(self, name)).all():
                     msg = f"the QP holds a value that is not finite in {name!r}"
                     raise QpDataError(msg)
-        if faults & _CROSSED:
+        if np.any(self.x_low > self.x_high) or np.any(self.u_low > self.u_high):
             msg = "the QP holds a lower bound above its upper bound"
             raise QpDataError(msg)
 

@@ -13,7 +13,7 @@ from hdvplan.planning.objectives import Goal
 from hdvplan.planning.settings import Discretisation, PlannerSettings
 from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.centring import Centring, Residual
-from hdvplan.planning.terms.steering import Dynamics, Smoothness
+from hdvplan.planning.terms.steering import Dynamics, Steering
 from hdvplan.planning.terms.term import Columns, Scene
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
@@ -179,7 +179,7 @@ def test_inputs_bound_and_weigh_the_curvature_and_its_change(seed: int) -> None:
         replace(settings(), smoothness=weight),
     )
     scene.qp.buffer[:] = np.nan
-    qp, part, horizon = scene.qp, Smoothness().part(scene, NOWHERE), horizon_at(scene, FIRST, before=before)
+    qp, part, horizon = scene.qp, Steering().part(scene, NOWHERE), horizon_at(scene, FIRST, before=before)
     kappa, z = random.uniform(-0.1, 0.1, STAGES), np.zeros((STAGES + 1, vehicle.states))
     move(scene, z, kappa)
     extended([part], horizon)

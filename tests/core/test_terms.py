@@ -17,7 +17,7 @@ from hdvplan.planning.stations import Stations, stations_of
 from hdvplan.planning.terms.balance import BalancePart, EnvelopeBalance
 from hdvplan.planning.terms.centring import Centring, Reach, Residual
 from hdvplan.planning.terms.limits import ROWS_PER_SIDE, Limits
-from hdvplan.planning.terms.steering import Dynamics, Smoothness, Steering
+from hdvplan.planning.terms.steering import Dynamics, Steering
 from hdvplan.planning.terms.term import Columns, Horizon, Motion, Part, Scene, Term
 from hdvplan.qp.program import StageQp, StageShape, row_dtype
 from hdvplan.road.limits import Limits as RoadLimits
@@ -47,7 +47,6 @@ def residual(stations: Stations) -> Residual:
 
 TERMS: dict[str, Callable[[Stations], Term]] = {  # one of each kind
     "dynamics": lambda _: Dynamics(),
-    "smoothness": lambda _: Smoothness(),
     "centring": lambda stations: Centring(residual(stations)),
     "balance": lambda stations: EnvelopeBalance(residual(stations), stations.bias),
     "reach of bodies": lambda _: Reach(bodies=True),

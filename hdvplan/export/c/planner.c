@@ -83,10 +83,8 @@ static void fill(struct hdvplan_memory *own) {
 static void put_terms(struct hdvplan_memory *own) {
     struct hdv_term *next = own->terms;
     *next++ = (struct hdv_term){hdv_linearise_dynamics, hdv_price_dynamics, &own->dynamics, NULL};
-    *next++ = (struct hdv_term){hdv_linearise_smoothness, hdv_price_smoothness, &own->smoothness, NULL};
+    *next++ = (struct hdv_term){hdv_linearise_steering, hdv_price_steering, &own->steering, NULL};
     *next++ = (struct hdv_term){hdv_linearise_centring, hdv_price_centring, &own->centring, NULL};
-    if (WHEELS > 0)
-        *next++ = (struct hdv_term){hdv_linearise_steering, hdv_price_steering, &own->steering, NULL};
     if (ROWS > 0)
         *next++ = (struct hdv_term){hdv_linearise_limits, hdv_price_limits, &own->limits, &own->limits.violation};
     own->planner.term_count = next - own->terms;
@@ -113,13 +111,12 @@ int hdvplan_begin(struct hdvplan_memory *memory, const struct hdvplan_road *road
     lay_out_planner(own);
     fill(own);
     own->dynamics = hdvplan_vehicle.dynamics;
-    own->smoothness = hdvplan_vehicle.smoothness;
     own->centring = hdvplan_vehicle.centring;
     own->centring.weights = own->ones;
     own->centring.memory = own->centred;
     own->steering = hdvplan_vehicle.steering;
-    own->steering.most = hdvplan_vehicle.most + 1;
-    own->steering.change = hdvplan_vehicle.change + 1;
+    own->steering.most = hdvplan_vehicle.most;
+    own->steering.change = hdvplan_vehicle.change;
     own->limits = hdvplan_vehicle.limits;
     own->limits.behind = hdvplan_vehicle.behind;
     own->limits.seen = own->seen;

@@ -37,7 +37,6 @@ struct hdvplan_vehicle {
     const struct hdv_unit *units;
     struct hdv_planner planner;
     struct hdv_dynamics dynamics;
-    struct hdv_smoothness smoothness;
     struct hdv_centring centring;
     struct hdv_steering steering;
     struct hdv_limits limits;
@@ -69,11 +68,10 @@ struct hdvplan_memory {
     struct hdv_scene scene;
     struct hdv_solver solver;
     struct hdv_dynamics dynamics;
-    struct hdv_smoothness smoothness;
     struct hdv_centring centring;
     struct hdv_steering steering;
     struct hdv_limits limits;
-    struct hdv_term terms[5];
+    struct hdv_term terms[4];
     struct hdv_array arrays[HDV_OWN_ARRAYS + 3];
     int64_t table_count; /* stations of the road's tables */
     /* of the program, by stage */

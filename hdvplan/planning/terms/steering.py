@@ -1,4 +1,4 @@
-"""What every program has: the vehicle's linearised dynamics, a price on changes of curvature, and axles that the plan steers itself."""
+"""What every program has: the vehicle's linearised dynamics, and what is steered."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdvplan import core
+from hdvplan.arrays import FloatArray
 from hdvplan.planning.terms.term import Columns, CorePart, Scene, Term, core_functions
 from hdvplan.vehicle.kinematics import auxiliary_ahead
+from hdvplan.vehicle.model import Vehicle
 
 _DYNAMICS = core_functions("dynamics")
 _RULE = core.record("hdv_dynamics")
@@ -27,21 +29,6 @@ class Dynamics(Term):
         return CorePart(scene, _DYNAMICS, np.array([(scene.settings.discretisation.code,)], _RULE))
 
 
-_SMOOTHNESS = core_functions("smoothness")
-_SMOOTHED = core.record("hdv_smoothness")
-
-
-@dataclass(frozen=True)
-class Smoothness(Term):
-    """w (kappa_i - kappa_{i-1})^2, the first term of the objective ([GEO] eq. 20), with the limits of curvature and of its change."""
-
-    def part(self, scene: Scene, columns: Columns) -> CorePart:  # noqa: ARG002
-        """Return the term as part of the program: see ``Term``."""
-        settings, vehicle = scene.settings, scene.vehicle
-        change = vehicle.max_curvature_rate * settings.step
-        return CorePart(scene, _SMOOTHNESS, np.array([(settings.smoothness, vehicle.max_curvature, change)], _SMOOTHED))
-
-
 CHANGE_WEIGHT = 20.0  # of the square of a change between stations: as smooth for 7 m of trailer as 1e3 is for curvature [m^2]
 ANGLE_WEIGHT = 10.0  # of the squared difference from the wanted angle; ten times more or less changes no reach by 2 cm [m^2]
 
@@ -51,7 +38,9 @@ _DATA = core.record("hdv_steering")
 
 @dataclass(frozen=True)
 class Steering(Term):
-    """What a plan wants from axles that it steers itself, and what their wheels can do; their columns belong to the vehicle.
+    """What is steered: curvature, at w (kappa_i - kappa_{i-1})^2 ([GEO] eq. 20), and the wheels of axles that the plan steers itself.
+
+    With the limits of all and of their changes. Their columns belong to the vehicle.
 
     Beside the objective the wheels are wanted at the angles of the balanced circle of the road beside each axle: a trailer then steers
     where it is, not where its tractor is, and a straight leaves its wheels straight. Turning them costs, as it does for the front
@@ -63,12 +52,18 @@ class Steering(Term):
 
     def part(self, scene: Scene, columns: Columns) -> CorePart:  # noqa: ARG002 - needs no column of its own
         """Return the term as part of the program: see ``Term``."""
-        vehicle, stations = scene.vehicle, scene.stations
-        axles = [vehicle.units[axle] for axle in vehicle.active]
+        vehicle, stations, settings = scene.vehicle, scene.stations, scene.settings
         wanted = zip(vehicle.active, stations.centring.steering.T, strict=True)
         angles = [stations.ahead(angle, auxiliary_ahead(vehicle, axle)) for axle, angle in wanted]
-        aim = np.stack(angles, axis=1)  # (stations, active), left positive [rad]
-        most = np.array([unit.max_steering_angle for unit in axles])
-        change = np.array([unit.max_steering_rate * stations.step for unit in axles])
-        data = np.array([(len(axles), *map(core.address, (aim, most, change)), ANGLE_WEIGHT, CHANGE_WEIGHT)], _DATA)
-        return CorePart(scene, _FUNCTIONS, data, kept=(aim, most, change))
+        aim = np.column_stack([np.empty((len(stations.s), 0)), *angles])  # (stations, active), left positive [rad]
+        kept = (aim, *bounds_of(vehicle, settings.step))
+        weights = (settings.smoothness, ANGLE_WEIGHT, CHANGE_WEIGHT)
+        data = np.array([(len(angles), *map(core.address, kept), *weights)], _DATA)
+        return CorePart(scene, _FUNCTIONS, data, kept=kept)
+
+
+def bounds_of(vehicle: Vehicle, step: float) -> tuple[FloatArray, FloatArray]:
+    """Return the largest curvature, then the largest angle of every axle that the plan steers, and the most that each changes a step."""
+    axles = [vehicle.units[axle] for axle in vehicle.active]
+    most = np.array([vehicle.max_curvature, *(axle.max_steering_angle for axle in axles)])
+    return most, step * np.array([vehicle.max_curvature_rate, *(axle.max_steering_rate for axle in axles)])
