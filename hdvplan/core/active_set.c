@@ -44,8 +44,7 @@ static void guess_bound(struct hdv_inequality *sides, double multiplier) {
     take_for(sides + 1, -multiplier > carried ? HDV_ACTIVE : HDV_INACTIVE, -multiplier > carried ? -multiplier : 0.0);
 }
 
-/* Guess the status of all inequalities of stage i. A row without a linear price is never active: it costs nothing to
- * begin with. */
+/* Guess the statuses of stage i. A row without a linear price is never active: it begins at no cost. */
 static void
 guess_stage(const struct hdv_program *program, const struct hdv_point *guess, struct hdv_inequality *own, int64_t i) {
     const struct hdv_shape *shape = &program->shape;
@@ -102,8 +101,7 @@ weigh_bound(const struct hdv_inequality *sides, double low, double high, double 
     }
 }
 
-/* Write the objective with the quadratics of all inequalities that are not inactive.
- */
+/* Write the objective with the quadratics of all inequalities that are not inactive. */
 HDV_INLINE void weigh(struct hdv_solver *solver, const struct hdv_program *program, int64_t n, int64_t m) {
     const struct hdv_shape *shape = &program->shape;
     int64_t p = shape->rows, size = weights_size(n, m);
@@ -126,9 +124,7 @@ HDV_INLINE void weigh(struct hdv_solver *solver, const struct hdv_program *progr
     }
 }
 
-/* Move the multiplier of an active inequality by what it lacks, change a wrong status; of a bound the price is
- * infinite.
- */
+/* Move an active inequality's multiplier by what it lacks, change a wrong status; a bound's price is infinite. */
 static void review(struct hdv_inequality *own, double price, double over, int deepest, struct verdict *to) {
     int64_t status = own->status;
     if (status == HDV_INACTIVE) {

@@ -51,8 +51,7 @@ struct pair {
     double past, next; /* shares of the way to the poses before and after at which they are a pair, too */
 };
 
-/* How far a brush comes at most, by what its body strays: by its axle and its heading (T5), or by its axle and its
- * coupling (T1). */
+/* How far a brush comes at most, by its body's axle and heading (T5), or by its axle and coupling (T1). */
 static double reached(const struct hdv_brush *brush, const struct body *body) {
     const struct hdv_stray *stray = &body->stray;
     double heading = fabs(brush->by_heading), third = stray->heading - sin(stray->heading);

@@ -132,52 +132,32 @@ HDV_INLINE void collocate(const struct interval *on, double half, int64_t count,
     }
 }
 
-/* Explicit midpoint rule: the rate at z leads to the middle, the rate there to the end. */
-HDV_INLINE void linearise_midpoint(const struct interval *on, const struct hdv_unit *units, int64_t count, int64_t n) {
-    double half = 0.5 * on->step, middle[HDV_MOST_STATES];
-    struct rate first, rate;
-    jacobian(units, count, on->station->curvature, n, on->z, on->kappa, on->poses, first.f, first.a, first.b);
-    for (int64_t j = 0; j < n; j++)
-        middle[j] = j <= count ? on->z[j] + half * first.f[j] : 0.5 * (on->z[j] + on->z_next[j]);
-    rate_between(on, units, count, n, middle, &rate);
-    write_wheels(on, half, count, n, &rate);
-    compose(&first, half, count, n, &rate);
-    write_rate(on, on->step, count, n, &rate);
-}
-
-/* Euler's rule: the rate at z. Wheels have not turned yet. */
-HDV_INLINE void linearise_euler(const struct interval *on, const struct hdv_unit *units, int64_t count, int64_t n) {
-    struct rate rate;
-    jacobian(units, count, on->station->curvature, n, on->z, on->kappa, on->poses, rate.f, rate.a, rate.b);
-    write_wheels(on, 0.0, count, n, &rate);
-    write_rate(on, on->step, count, n, &rate);
-}
-
-/* Implicit midpoint rule: the rate at the mean of both states. Newton's first step from z_next ends at z_next + c. */
-HDV_INLINE void linearise_gauss(const struct interval *on, const struct hdv_unit *units, int64_t count, int64_t n) {
-    double half = 0.5 * on->step, middle[HDV_MOST_STATES];
-    struct rate rate;
-    for (int64_t j = 0; j < n; j++)
-        middle[j] = 0.5 * (on->z[j] + on->z_next[j]);
-    rate_between(on, units, count, n, middle, &rate);
-    write_wheels(on, half, count, n, &rate);
-    write_rate(on, half, count, n, &rate);
-    collocate(on, half, count, n, rate.a);
-}
-
 /* Writes A, B, c of one interval: dz_next = A dz + B d kappa + c, at the motion from a stage to the next.
  *
  * The last state of the vehicle's own block is kappa of the interval before, and the first input its change: kappa's
  * column of A is B's. An active axle's wheels turn evenly between stations, by the motion's change of their angle and a
- * separate input. */
+ * separate input; Euler's rule takes the rate at z, where they have not turned yet. By the explicit midpoint rule that
+ * rate leads to the middle, the rate there to the end. The implicit one takes the rate at the mean of both states:
+ * Newton's first step from z_next ends at z_next + c. */
 HDV_INLINE void
 linearise_interval(int64_t rule, const struct interval *on, const struct hdv_unit *units, int64_t count, int64_t n) {
+    double half = 0.5 * on->step, middle[HDV_MOST_STATES];
+    struct rate first, rate;
+    struct rate *here = rule == HDV_EULER ? &rate : &first;
+    if (rule != HDV_GAUSS)
+        jacobian(units, count, on->station->curvature, n, on->z, on->kappa, on->poses, here->f, here->a, here->b);
+    if (rule != HDV_EULER) {
+        for (int64_t j = 0; j < n; j++)
+            middle[j] =
+                rule == HDV_MIDPOINT && j <= count ? on->z[j] + half * first.f[j] : 0.5 * (on->z[j] + on->z_next[j]);
+        rate_between(on, units, count, n, middle, &rate);
+    }
+    write_wheels(on, rule == HDV_EULER ? 0.0 : half, count, n, &rate);
     if (rule == HDV_MIDPOINT)
-        linearise_midpoint(on, units, count, n);
-    else if (rule == HDV_EULER)
-        linearise_euler(on, units, count, n);
-    else
-        linearise_gauss(on, units, count, n);
+        compose(&first, half, count, n, &rate);
+    write_rate(on, rule == HDV_GAUSS ? half : on->step, count, n, &rate);
+    if (rule == HDV_GAUSS)
+        collocate(on, half, count, n, rate.a);
 }
 
 /* Writes A, B, c of the first interval and of those that lead to stages i >= begin, and the poses of the stages that

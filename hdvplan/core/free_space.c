@@ -11,7 +11,7 @@
  * Of the areas only those around the gate on the normal count (gate.c), and of their union only what is connected with
  * the axle's place through free space, unlike the other leg of a hairpin.
  */
-#include "gate.h"
+#include "prove.h"
 
 enum { PIECES = 8 * HDV_FREE_INTERVALS }; /* of free space in one bin, before they are joined */
 
@@ -37,28 +37,26 @@ see(const struct hdv_around *around, struct axes at, const double *triangles, in
     return number;
 }
 
-/* v where the side from corner c of count meets the line of u; only where it does. */
-static double meeting(const struct hdv_shape_near *shape, int c, int next, double u) {
-    return shape->v[c] + (u - shape->u[c]) / (shape->u[next] - shape->u[c]) * (shape->v[next] - shape->v[c]);
-}
-
-static int meets(const struct hdv_shape_near *shape, int c, int next, double u) {
-    return (shape->u[c] - u) * (shape->u[next] - u) <= 0.0 && shape->u[c] != shape->u[next];
+/* Where a triangle meets the line of u. */
+static struct interval meet_line(const struct hdv_shape_near *triangle, double u) {
+    struct interval met = NOTHING;
+    for (int c = 0; c < 3; c++) {
+        int next = (c + 1) % 3;
+        double here = triangle->u[c], there = triangle->u[next], v = triangle->v[c];
+        if ((here - u) * (there - u) <= 0.0 && here != there)
+            widen(&met, v + (u - here) / (there - here) * (triangle->v[next] - v));
+    }
+    return met;
 }
 
 /* Write where a triangle meets the bin from u0 to u1. */
 static void meet_bin(struct hdv_shape_near *area, double u0, double u1) {
     struct interval corners = NOTHING;
-    area->first = area->last = NOTHING;
-    for (int c = 0; c < 3; c++) {
-        int next = (c + 1) % 3;
+    area->first = meet_line(area, u0);
+    area->last = meet_line(area, u1);
+    for (int c = 0; c < 3; c++)
         if (u0 <= area->u[c] && area->u[c] <= u1)
             widen(&corners, area->v[c]);
-        if (meets(area, c, next, u0))
-            widen(&area->first, meeting(area, c, next, u0));
-        if (meets(area, c, next, u1))
-            widen(&area->last, meeting(area, c, next, u1));
-    }
     area->whole.low = smaller(smaller(corners.low, area->first.low), area->last.low);
     area->whole.high = larger(larger(corners.high, area->first.high), area->last.high);
 }
@@ -106,26 +104,8 @@ static void take_in(struct hdv_line *line, struct hdv_line other) {
     *line = (struct hdv_line){smaller(one.low, two.low), larger(one.high, two.high), 0.0, 0.0};
 }
 
-/* Write where a triangle, which reaches over all of a bin, meets the bin's first and last line. */
-static void meet_lines(struct hdv_shape_near *triangle, double u0, double u1) {
-    const double line[2] = {u0, u1};
-    struct interval *at[2] = {&triangle->first, &triangle->last};
-    for (int end = 0; end < 2; end++) {
-        *at[end] = NOTHING;
-        for (int c = 0; c < 3; c++) {
-            int next = (c + 1) % 3;
-            if (triangle->u[c] == triangle->u[next] && triangle->u[c] == line[end]) {
-                widen(at[end], triangle->v[c]);
-                widen(at[end], triangle->v[next]);
-            } else if (meets(triangle, c, next, line[end])) {
-                widen(at[end], meeting(triangle, c, next, line[end]));
-            }
-        }
-    }
-}
-
-/* Write what is left of one free interval beside a triangle, at most two; return how many. Where lines cross, all that
- * was free stays. */
+/* Write what is left of a free interval beside a triangle, at most two; return how many. Crossing lines take nothing.
+ */
 static int64_t beside_triangle(struct hdv_line line, const struct hdv_shape_near *triangle, struct hdv_line *out) {
     struct interval first = triangle->first, last = triangle->last;
     double low1 = line.low + HDV_BIN_M * line.of_low, high1 = line.high + HDV_BIN_M * line.of_high;
@@ -157,7 +137,8 @@ static int64_t beside_triangle(struct hdv_line line, const struct hdv_shape_near
 static int64_t without(struct hdv_line *lines, int64_t kept, struct hdv_shape_near *triangle, double u0, double u1) {
     struct hdv_line out[2 * HDV_FREE_INTERVALS];
     int64_t number = 0;
-    meet_lines(triangle, u0, u1);
+    triangle->first = meet_line(triangle, u0);
+    triangle->last = meet_line(triangle, u1);
     for (int64_t p = 0; p < kept; p++)
         number += beside_triangle(lines[p], triangle, &out[number]);
     while (number > HDV_FREE_INTERVALS) { /* the last two become one */
@@ -227,11 +208,10 @@ static void see_corners(struct hdv_around *around, struct axes at) {
     }
 }
 
-/* Write what lies around station i, as far as bodies within reach of the axle can touch it; where nothing is known, the
- * axle's room is empty. */
+/* Write what bodies within reach of the axle can touch at station i; where nothing is known, its room is empty. */
 void around_at(struct hdv_around *around, const struct hdv_frame *frame, int64_t i) {
     const struct hdv_beside *beside = around->beside;
-    struct axes at = axes_at(frame, i);
+    struct axes at = {frame->x[i], frame->y[i], cos(frame->heading[i]), sin(frame->heading[i])};
     struct gate gate = gate_at(beside->kerbs, at, frame->s[i]);
     struct areas found = is_empty(gate.v) ? (struct areas){0, 0} : areas_at(around, at, gate);
     int64_t middle = around->bins / 2;

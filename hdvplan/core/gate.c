@@ -4,7 +4,7 @@
  * A body is connected, so that it lies in the areas around the gate, as far as caps are within its reach: another arm
  * of the road is left out, also where it is near in the plane.
  */
-#include "gate.h"
+#include "prove.h"
 
 #define BESIDE_M 20.0 /* kerbs that belong to the line so far before and beyond a normal can make its gate */
 
@@ -16,10 +16,6 @@ struct crossing {
     double v, s;
     int street;
 };
-
-int is_empty(struct interval one) {
-    return one.low > one.high;
-}
 
 /* Write where kerbs cross the normal at arclength s, from right to left; return how many, none if they are too many. */
 static int64_t cross(const struct hdv_street *kerbs, struct axes at, double s, struct crossing *found) {

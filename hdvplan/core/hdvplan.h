@@ -77,8 +77,7 @@ struct hdv_shape {
     int64_t bounded; /* b */
 };
 
-/* One row g'x - sigma <= h has states + 3 numbers: g (n,), h, linear and quadratic price of sigma. A stage's record is
- * in sizes.h. */
+/* One row g'x - sigma <= h: g (n,), h, linear and quadratic price of sigma. A stage's record is in sizes.h. */
 struct hdv_program {
     struct hdv_shape shape;
     double *stages;         /* (N+1) records, see sizes.h */
@@ -87,15 +86,13 @@ struct hdv_program {
     const int64_t *bounded; /* (b,), the states with bounds */
 };
 
-/* A primal-dual point: of a stage x (n), u (m), dynamics (n), bounds of x (b) and of u (m); of a row sigma and
- * multiplier. */
+/* A primal-dual point: of a stage x (n), u (m), dynamics (n), bounds of x (b), of u (m); of a row sigma, multiplier. */
 struct hdv_point {
     double *stages; /* (N+1) records */
     double *rows;   /* (N+1, p, 2) */
 };
 
-/* Everything that a term's functions see of a planning step. Arrays that belong to stages begin at stage 0 of this
- * step. */
+/* What a term's functions see of a planning step. Arrays of stages begin at its stage 0. */
 struct hdv_scene {
     const struct hdv_unit *units;
     int64_t unit_count;

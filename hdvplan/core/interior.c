@@ -63,8 +63,7 @@ static void start_row(struct hdv_pair *pair, struct row row, double gap, double 
     pair->quadratic = *row.quadratic;
 }
 
-/* Write the pair of a bound's side; return whether v has come near it, or need not. A broken bound starts with a slack
- * as large as the breach. */
+/* Write the pair of a bound's side; return whether v is near it, or need not be. A broken one's slack is the breach. */
 static int
 start_bound(struct hdv_pair *pair, double v, double low, double high, int lower, double product, int everything) {
     double width = smaller(high - low, 1.0), gap = lower ? v - low : high - v;
@@ -182,8 +181,7 @@ value_of(const struct hdv_program *program, const struct hdv_pair *pair, double 
     return sum;
 }
 
-/* Eliminate the elastic variable of a row, whose slack and multiplier have weight ``pair->w``; return the weight of
- * both. */
+/* Eliminate a row's elastic variable, whose slack and multiplier have weight ``pair->w``; return the weight of both. */
 static double weight_of_row(struct hdv_pair *pair) {
     pair->per_sigma = 1.0 / pair->sigma;
     pair->v = pair->nu * pair->per_sigma + pair->quadratic;
@@ -264,8 +262,7 @@ HDV_INLINE double shortened(double length, double v, double d) {
     return v + length * d < 0.0 ? -v / d : length;
 }
 
-/* Write the step of slack, multiplier and elastic variable where the value moves by ``along``; return how far they may
- * go. */
+/* Write a pair's step where the value moves by ``along``; return how far it may go. */
 static double step_pair(struct hdv_pair *pair, double along, double length) {
     double d_s = -pair->residual - along, d_mu = pair->w * along + pair->first;
     if (pair->kind == HDV_ROW) {
@@ -349,8 +346,7 @@ static void clear(const struct hdv_program *program, const struct hdv_point *poi
         memset(point_at(program, point, n, m, i).bounds, 0, (size_t)(b + m) * sizeof(double));
 }
 
-/* Write elastic variables and multipliers to where the program has them, and those of the dynamics; what was never
- * chosen is zero. */
+/* Write elastic variables and all multipliers to where the program has them; what was never chosen is zero. */
 static double publish(const struct iterate *now) {
     const struct hdv_shape *shape = &now->program->shape;
     int64_t n = shape->states, m = shape->inputs;

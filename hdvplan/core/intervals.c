@@ -1,9 +1,6 @@
-#include "intervals.h"
+#include "prove.h"
 
-#include <math.h>
 #include <string.h>
-
-#include "numbers.h"
 
 /* Add an interval where there is no room for one more: the nearest one grows until it holds it. */
 static void squeeze(struct interval *pieces, int64_t total, double low, double high) {
@@ -20,8 +17,7 @@ static void squeeze(struct interval *pieces, int64_t total, double low, double h
     nearest->high = larger(high, nearest->high);
 }
 
-/* Add [low, high] to disjoint, rising pieces and return how many there are, at most so many: of too many, the closest
- * are joined. */
+/* Add [low, high] to pieces and return how many there are, at most so many: of too many, the closest are joined. */
 int64_t join_interval(struct interval *pieces, int64_t total, int64_t most, double low, double high) {
     int64_t first = 0;
     if (low > high)

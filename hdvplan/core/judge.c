@@ -28,7 +28,7 @@ static double touch(const struct judged *on, double s, const double *z, struct h
     place(on->units, on->count, at.x, at.y, at.cos, at.sin, z, poses);
     for (int64_t unit = 0; unit < on->count; unit++) {
         struct hdv_contacts found;
-        look_at_body(on->street, NULL, HDV_TO_JUDGE, &on->units[unit], &poses[unit], s, on->behind[unit], &found);
+        look_at_body(on->street, HDV_TO_JUDGE, &on->units[unit], &poses[unit], s, on->behind[unit], &found);
         for (int number = 0; number < 2 * HDV_SECTIONS; number++) {
             const struct hdv_contact *contact = &found.at[number / HDV_SECTIONS][number % HDV_SECTIONS];
             struct hdv_touch *to = &touches[unit * 2 * HDV_SECTIONS + number];
@@ -44,27 +44,16 @@ static double touch(const struct judged *on, double s, const double *z, struct h
 
 /* Drive from one pose to the next, and look as often as the room asks for. */
 static void sweep_interval(
-    const struct judged *on, double s, double s_next, const double *z, const double *z_next, double kappa,
-    struct hdv_touch *touches
+    const struct judged *on, const double *s, const double *z, const double *kappa, struct hdv_touch *touches
 ) {
-    double states[2 * HDV_MOST_STATES], wheels[2 * HDV_MOST_UNITS], least = touch(on, s, z, touches), here = s;
-    int64_t n = on->states, active = n - 1 - on->count;
-    for (int64_t j = 0; j < n; j++)
-        states[j] = z[j];
+    double state[HDV_MOST_STATES], here = s[0], least = touch(on, here, z, touches);
     for (;;) {
         double step = larger(SHORTEST, SHARE * least);
-        if (here + 1.5 * step > s_next) /* the next pose is looked at itself */
+        if (here + 1.5 * step > s[1]) /* the next pose is looked at itself */
             return;
-        double part = (here + step - s) / (s_next - s);
-        for (int64_t j = 0; j < active; j++) {
-            wheels[j] = states[n - active + j];
-            wheels[active + j] = (1.0 - part) * z[n - active + j] + part * z_next[n - active + j];
-        }
-        hdv_simulate(on->units, on->count, n, on->curve, here, 1, step, &kappa, wheels, 1, 1, states);
-        for (int64_t j = 0; j < n; j++)
-            states[j] = states[n + j];
         here += step;
-        least = touch(on, here, states, touches);
+        hdv_states_between(on->units, on->count, on->states, on->curve, 2, s, z, kappa, 1, &here, state);
+        least = touch(on, here, state, touches);
     }
 }
 
@@ -81,7 +70,7 @@ HDV_EXPORT void hdv_touch_many(
     for (int64_t number = 0; number < poses * each; number++)
         touches[number] = none;
     for (int64_t i = 0; i + 1 < poses; i++)
-        sweep_interval(&on, s[i], s[i + 1], z + i * n, z + (i + 1) * n, kappa[i], touches + i * each);
+        sweep_interval(&on, s + i, z + i * n, kappa + i, touches + i * each);
     if (poses > 0)
         touch(&on, s[poses - 1], z + (poses - 1) * n, touches + (poses - 1) * each);
 }

@@ -33,8 +33,8 @@ struct rolling {
     double turn; /* [rad/m] */
 };
 
-/* Metres that the lead body moves forward per metre of road, with derivatives; and its axle's velocity along and across
- * the road. */
+/* Metres that the lead body moves forward per metre of road, with derivatives; its axle's velocity along it and across.
+ */
 struct travel {
     double metres;
     double by_e_y, by_e_psi, by_kappa;
@@ -66,8 +66,7 @@ HDV_INLINE struct wheels rear_wheels(const struct hdv_unit *lead, double kappa) 
     return rear;
 }
 
-/* Motion of the coupling behind a unit in the axes of the next one, whose articulation angle is beta: forward and
- * sideways. Linear, so that it holds for derivatives too. */
+/* Motion of the coupling behind a unit in the axes of the next one, turned by beta; linear: derivatives have it too. */
 HDV_INLINE struct rolling at_coupling(struct rolling ahead, double hitch_offset, double cos_beta, double sin_beta) {
     double across = ahead.sideways - hitch_offset * ahead.turn;
     return (struct rolling){
@@ -108,7 +107,8 @@ derivative(const struct hdv_unit *units, int64_t count, double k, int64_t n, con
         f[i] = 0.0;
 }
 
-/* Metres that the lead body moves forward per metre of road. pose holds the sine and cosine of e_psi. */
+/* Metres that the lead body moves forward per metre of road, with derivatives; its axle's velocity along it and across.
+ */
 HDV_INLINE struct travel lead_travel(double k, double e_y, const struct hdv_pose *pose, struct wheels rear) {
     double inside = 1.0 - e_y * k;
     double along = pose->turned_cos - pose->turned_sin * rear.tan;
@@ -203,8 +203,7 @@ HDV_INLINE void turn(int64_t count, const double *z, struct hdv_pose *poses) {
         cosine_and_sine(z[1 + i], &poses[i].turned_cos, &poses[i].turned_sin);
 }
 
-/* Writes every unit's pose into poses (count,). (x, y) and the heading's (cos, sin) are the road's where the lead rear
- * axle is. */
+/* Writes every unit's pose into poses (count,). Place and heading are the road's where the lead rear axle is. */
 HDV_INLINE void place(
     const struct hdv_unit *units, int64_t count, double x, double y, double heading_cos, double heading_sin,
     const double *z, struct hdv_pose *poses

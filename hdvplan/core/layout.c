@@ -13,21 +13,17 @@ struct hdv_constant {
     double value;
 };
 
-HDV_EXPORT const struct hdv_layout *hdv_layout(void);
-HDV_EXPORT const struct hdv_constant *hdv_constants(void);
-HDV_EXPORT const char *hdv_sources(void);
-
 /* Both tables end with a row without a name. */
-const struct hdv_layout *hdv_layout(void) {
+HDV_EXPORT const struct hdv_layout *hdv_layout(void) {
     static const struct hdv_layout rows[] = {HDV_LAYOUT{NULL, NULL, NULL, 0, 0}};
     return rows;
 }
 
-const struct hdv_constant *hdv_constants(void) {
+HDV_EXPORT const struct hdv_constant *hdv_constants(void) {
     static const struct hdv_constant rows[] = {HDV_CONSTANTS{NULL, 0.0}};
     return rows;
 }
 
-const char *hdv_sources(void) {
+HDV_EXPORT const char *hdv_sources(void) {
     return HDV_SOURCES;
 }

@@ -19,15 +19,13 @@
 #include "standing.h"
 
 #define NEAR_M                                                                                                         \
-    0.2 /* a body that is nearer to a kerb at a station is looked at before it: a front corner closes in on a          \
-           kerb, or a kerb on it, by less over half a step */
-#define AMONG_M 1.0   /* from a body before a stage, kerbs further away than a step more are not looked at */
-#define ALONG 0.7     /* cosine to a body's axis: a gap in a direction nearer to it changes with the way */
-#define FAR_M 1e3     /* of a body from a side without any kerb */
+    0.2           /* nearer to a kerb a body is looked at before a station: corners close in by less in half a step    \
+                   */
+#define ALONG 0.7 /* cosine to a body's axis: a gap in a direction nearer to it changes with the way */
+#define FAR_M 1e3 /* of a body from a side without any kerb */
 #define NEARER_M 0.05 /* nearer still, it is looked at in every pose of the interval */
-#define FINE_M                                                                                                         \
-    30.0 /* as far ahead poses between stations are looked at: what is found late moves a plan by centimetres */
-#define DRIFT_M 2e-3 /* rows are good for so small a motion, and for a part of the gap: */
+#define FINE_M 30.0   /* as far ahead poses between stations are looked at: the rest moves a plan by centimetres */
+#define DRIFT_M 2e-3  /* rows are good for so small a motion, and for a part of the gap: */
 #define DRIFT 0.1
 
 /* The vehicle before a stage: its poses, and how its state there changes with the stage's. */
@@ -79,8 +77,7 @@ double hdv_price_limits(void *data, const struct hdv_scene *scene) {
     return total;
 }
 
-/* Whether a side needs no rows. While limits bind, every side that no bound clears has its rows: large steps need
- * them. */
+/* Whether a side needs no rows. While limits bind, large steps need those of every side that no bound clears. */
 static int is_clear(const struct hdv_edge *edge, double margin, int64_t binding) {
     return edge->clear - margin > HDV_CLEAR_M && !(binding && edge->looked > 0.0);
 }
@@ -90,8 +87,7 @@ static double *seen_at(const struct hdv_limits *own, const struct hdv_scene *sce
     return own->seen + (scene->at + i) * (scene->states + 2);
 }
 
-/* How far every body of a stage is clear of all that its rows would keep it from, where it has none [m]; 0 where it
- * has some, or nobody has looked. */
+/* How far all bodies of a stage are clear, where it has no rows [m]; 0 where it has some, or nobody has looked. */
 static double *clear_at(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     return seen_at(own, scene, i) + scene->states + 1;
 }
@@ -117,8 +113,7 @@ static void begin_stage(const struct hdv_limits *own, const struct hdv_scene *sc
     see(own, scene, i);
 }
 
-/* Write by how much a stage's state, and the curvature until it, differ from what was seen; return how far any point
- * has moved at most [m]. */
+/* Write by how much a stage's state and curvature differ from what was seen; return how far any point has moved [m]. */
 static double moved_by(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, double *by) {
     int64_t n = scene->states, units = scene->unit_count;
     const double *z = state_at(scene->motion, n, i), *seen = seen_at(own, scene, i);
@@ -131,8 +126,7 @@ static double moved_by(const struct hdv_limits *own, const struct hdv_scene *sce
     return fabs(by[0]) + own->reach * turned;
 }
 
-/* Bring the rows of a stage to its motion: they are straight as far as it has moved. Return whether it has none, and
- * needs none. */
+/* Bring a stage's rows to its motion, straight as far as it has moved. Return whether it has none and needs none. */
 static int follow(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i) {
     const struct hdv_program *program = &scene->program;
     int64_t n = scene->states, units = scene->unit_count;
@@ -179,8 +173,7 @@ static void see_stage(struct stage_scene *at) {
     }
 }
 
-/* The vehicle so far back before the stage, by the explicit midpoint rule, wheels held; ahead of it in a leg that is
- * driven rear first. */
+/* The vehicle so far before the stage (or ahead, if driven rear first), by the explicit midpoint rule, wheels held. */
 static void see_before(struct stage_scene *at, int number) {
     const struct hdv_scene *scene = at->scene;
     int64_t n = scene->states, count = scene->unit_count;
@@ -291,15 +284,14 @@ struct looked {
 };
 
 /* Look at a body before a stage, and keep what is tighter; return the least gap. */
-static double
-look_before(struct stage_scene *at, int64_t unit, int number, const struct hdv_near *among, struct looked *found) {
+static double look_before(struct stage_scene *at, int64_t unit, int number, struct looked *found) {
     struct hdv_contacts seen;
     if (!at->before[number].known)
         see_before(at, number);
     const struct before *before = &at->before[number];
     const struct hdv_unit *body = &at->scene->units[unit];
     look_at_body(
-        at->own->street, among, HDV_TO_PLAN, body, &before->poses[unit], before->road.s, at->own->behind[unit], &seen
+        at->own->street, HDV_TO_PLAN, body, &before->poses[unit], before->road.s, at->own->behind[unit], &seen
     );
     for (int side = 0; side < 2; side++) {
         for (int section = 0; section < HDV_SECTIONS; section++)
@@ -317,7 +309,7 @@ static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *fo
     struct hdv_contacts seen;
     const struct hdv_pose *pose = &at->before[0].poses[unit];
     double s = at->before[0].road.s, end = own->street->end;
-    look_at_body(own->street, NULL, HDV_TO_PLAN, body, pose, s, own->behind[unit], &seen);
+    look_at_body(own->street, HDV_TO_PLAN, body, pose, s, own->behind[unit], &seen);
     for (int side = 0; side < 2; side++) {
         for (int section = 0; section < HDV_SECTIONS; section++)
             found->at[side][section] = (struct tightest){seen.at[side][section], 0};
@@ -332,14 +324,10 @@ static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *fo
         least = 0.0;
     if (least > NEAR_M)
         return;
-    const struct hdv_near *among = own->near;
-    pieces_near(own->street, body, pose, s, own->behind[unit], own->clearance + AMONG_M + at->scene->step, own->near);
-    if (among->count < 0 || least < -AMONG_M) /* far beyond a kerb, all */
-        among = NULL;
     for (int round = 0; round < 2 && least <= (round == 0 ? NEAR_M : NEARER_M);
          round++) { /* every other one, the others */
         for (int number = 2 - round; number < HDV_BETWEEN; number += 2)
-            least = smaller(least, look_before(at, unit, number, among, found) - own->clearance);
+            least = smaller(least, look_before(at, unit, number, found) - own->clearance);
     }
 }
 
@@ -384,8 +372,7 @@ static int is_stale(const struct hdv_edge *edge, double clearance, int fine) {
            edge->moved > larger(DRIFT_M, DRIFT * fabs(edge->gap - clearance));
 }
 
-/* Bring what is known of both sides of one body up to date, and write their rows; return how far it is clear [m], or 0
- * where it has rows. */
+/* Bring what is known of a body's sides, and rows, up to date; return how far it is clear [m], 0 if it has rows. */
 static double write_unit(struct stage_scene *at, int64_t unit) {
     const struct hdv_limits *own = at->own;
     const struct hdv_scene *scene = at->scene;
@@ -417,8 +404,7 @@ static double write_unit(struct stage_scene *at, int64_t unit) {
     return least;
 }
 
-/* The gap of one side of a body: as its rows say, which follow the motion; where it has none, what is known at least.
- */
+/* The gap of one side of a body: as its rows say, which follow the motion; without rows, what is known at least. */
 static double gap_of(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t i, int64_t number) {
     const struct hdv_program *program = &scene->program;
     const struct hdv_edge *edge = own->edges + 2 * (scene->at + i) * scene->unit_count + number;
@@ -445,8 +431,7 @@ static void write_stage(struct stage_scene *at, int64_t i) {
         *program_stage(&scene->program, i).live = 1.0;
 }
 
-/* Write the rows g dx <= h of the tightest contacts of every body at stages i >= begin >= 1; the first state is given.
- */
+/* Write the rows g dx <= h of all bodies' tightest contacts at stages i >= begin >= 1; the first state is given. */
 int64_t hdv_linearise_limits(void *data, const struct hdv_scene *scene, int64_t begin, int64_t fresh) {
     struct hdv_limits *own = data;
     int64_t last = scene->program.shape.stages;

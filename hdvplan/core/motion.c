@@ -26,8 +26,7 @@ static double steered(double wanted, double before, double change, double most) 
     return larger(larger(highest, before - change), -most);
 }
 
-/* Brings a value within what can be steered, one that is known only where it lies further beyond than a solver leaves
- * it; whether that was so. */
+/* Brings a value within what can be steered, a known one only from beyond a solver's tolerance; whether that was so. */
 static int bring(double *value, int known, double before, double change, double most) {
     double within = steered(*value, before, change, most);
     if (known && fabs(within - *value) <= BOUNDS_KEPT)

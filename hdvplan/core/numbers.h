@@ -13,8 +13,7 @@ HDV_INLINE double smaller(double a, double b) {
     return b < a ? b : a;
 }
 
-/* A number without its fraction, held between two others; the lower one for NaN. A cast alone is undefined for what no
- * int64_t can be. */
+/* A number without its fraction, held between two others, the lower one for NaN: a mere cast can be undefined. */
 HDV_INLINE int64_t whole(double value, int64_t low, int64_t high) {
     if (!(value > (double)low))
         return low;

@@ -91,8 +91,7 @@ HDV_INLINE struct foot project(const struct hdv_curve *curve, double x, double y
     return (struct foot){s, NAN, 1.0, 0.0, 0.0};
 }
 
-/* The same of a point that a plan looks at: beyond the road's centre of curvature its offset is that across the line at
- * arclength near, where its foot was last. */
+/* The same of a plan's point: beyond the road's centre of curvature its offset is that across the line at ``near``. */
 HDV_INLINE struct foot planned_foot(const struct hdv_curve *curve, double x, double y, double near) {
     struct foot foot = project(curve, x, y, near, PLANNING_STEP_M);
     if (!isnan(foot.offset))

@@ -1,8 +1,4 @@
-#include "polygons.h"
-
-#include <math.h>
-
-#include "numbers.h"
+#include "prove.h"
 
 #define TURN 6.283185307179586 /* [rad] */
 

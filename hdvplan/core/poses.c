@@ -1,9 +1,6 @@
 /* Which poses of one body fit: for a heading within a cell, the intervals of the lateral offset of its axle that the
  * free space allows. */
-#include <math.h>
-
-#include "gate.h"
-#include "numbers.h"
+#include "prove.h"
 
 #define SMALL 1e-9    /* sine of a body that lies along the road */
 #define CELL_RAD 2e-3 /* of heading, for a body alone [rad] */
@@ -121,8 +118,7 @@ static int64_t off_corners(
     return number;
 }
 
-/* Cut pieces, rising intervals of the axle's offset e, down to where a body may fit; return how many are left. What is
- * cut off fits nowhere in pose. */
+/* Cut pieces of the axle's offset e down to where a body may fit in pose; return how many are left. */
 int64_t trim(
     const struct hdv_outline *outline, struct loose_pose pose, const struct hdv_around *around, struct interval *pieces,
     int64_t number
@@ -139,8 +135,7 @@ int64_t trim(
     return number > 0 ? off_corners(outline, pose, around, pieces, number) : 0;
 }
 
-/* Whether the body fits at the station whose surroundings are known, in any heading less than a right angle off the
- * road's. */
+/* Whether the body fits at the station that is known, in any heading less than a right angle off the road's. */
 static int fits_here(const struct hdv_outline *outline, const struct hdv_around *around) {
     int cells = (int)(RIGHT_ANGLE / CELL_RAD) + 1;
     for (int cell = 0; cell < 2 * cells; cell++) { /* the headings along the road first */

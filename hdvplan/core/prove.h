@@ -6,13 +6,21 @@
 #ifndef HDVPLAN_PROVE_H
 #define HDVPLAN_PROVE_H
 
-#include "hdvplan.h"
-#include "intervals.h"
+#include <math.h>
+
+#include "numbers.h"
 #include "street.h"
 
 enum { HDV_FREE_INTERVALS = 6, HDV_SIDES = 16 }; /* free intervals stored for one place; sides of a polygon */
 #define HDV_BIN_M 0.1                            /* of u, ahead of the axle */
 #define HDV_ROUNDING 1e-9                        /* of coordinates [m] */
+
+/* Intervals in arrays are disjoint and rise; where there are too many, some are joined: what is wider is safe. */
+struct interval {
+    double low, high;
+};
+
+static const struct interval NOTHING = {INFINITY, -INFINITY};
 
 /* The street along a stretch of road in the plane: a row of areas between its kerbs, each from one cap to the next. */
 struct hdv_beside {
@@ -56,8 +64,7 @@ struct hdv_shape_near {
     struct interval whole, first, last;
 };
 
-/* What lies around a vehicle whose leading axle stands on one of the road's normals, in the road's frame there (u
- * ahead, v to the left). */
+/* What lies around a leading axle on one of the road's normals, in the road's frame there (u ahead, v to the left). */
 struct hdv_around {
     const struct hdv_beside *beside;
     double reach;           /* of the bodies, from the axle [m] */
@@ -89,6 +96,21 @@ struct hdv_grid {
 /* Cells from begin to before end that may hold anything, of those from lowest to before highest that are followed. */
 struct cell_span {
     int64_t begin, end, lowest, highest;
+};
+
+/* The road's frame at a station. */
+struct axes {
+    double x, y, cos, sin;
+};
+
+/* Where the axle crosses a normal: how far left, and which stretch of line the ends belong to. */
+struct gate {
+    struct interval v, s;
+};
+
+/* Areas from begin to before end. */
+struct areas {
+    int64_t begin, end;
 };
 
 /* What was reached at every station, arrays (stations,). */
@@ -144,7 +166,43 @@ struct hdv_allowed {
     double station;
 };
 
-int is_empty(struct interval one);
+/* Convex polygons with edges in fixed directions, held by their supports h: d . q <= h for points q, directions d. */
+enum { HALF_TURN = HDV_SIDES / 2, QUARTER_TURN = HDV_SIDES / 4 };
+
+struct direction {
+    double x, y;
+};
+
+void write_directions(struct direction *directions);
+void box(const struct direction *directions, struct interval e, struct interval w, double *h);
+double support(const struct direction *directions, const double *h, double x, double y);
+int tighten(const struct direction *directions, double *h);
+
+HDV_INLINE int is_empty(struct interval one) {
+    return one.low > one.high;
+}
+
+HDV_INLINE void widen(struct interval *on, double value) {
+    on->low = smaller(on->low, value);
+    on->high = larger(on->high, value);
+}
+
+HDV_INLINE int touches(struct interval one, struct interval other) {
+    return one.low <= other.high && one.high >= other.low;
+}
+
+HDV_INLINE double ahead_of(struct axes at, const double *point) {
+    return (point[0] - at.x) * at.cos + (point[1] - at.y) * at.sin;
+}
+
+HDV_INLINE double left_of(struct axes at, const double *point) {
+    return (point[1] - at.y) * at.cos - (point[0] - at.x) * at.sin;
+}
+
+int64_t join_interval(struct interval *pieces, int64_t total, int64_t most, double low, double high);
+int64_t keep_intervals(struct interval *found, int64_t number, struct interval *pieces, int64_t most);
+struct gate gate_at(const struct hdv_street *kerbs, struct axes at, double s);
+struct areas areas_at(const struct hdv_around *around, struct axes at, struct gate gate);
 int follows(const struct hdv_frame *frame, int64_t i, struct interval former, struct interval near);
 void around_at(struct hdv_around *around, const struct hdv_frame *frame, int64_t i);
 int64_t trim(

@@ -22,8 +22,7 @@ static void write_epigraph(const struct hdv_reach *own, const struct hdv_program
     }
 }
 
-/* Write the rows of one edge's watched points at stage i: offset <= 0 to the left (side 0), >= 0 to the right; return
- * the next row. */
+/* Write rows of an edge's watched points: offset <= 0 on the left (side 0), >= 0 on the right; return the next row. */
 static int64_t write_points(
     const struct hdv_reach *own, const struct hdv_scene *scene, int64_t i, int64_t unit, int side, int64_t number
 ) {

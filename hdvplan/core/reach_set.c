@@ -14,18 +14,13 @@
  */
 #include "prove.h"
 
-#include <math.h>
 #include <stddef.h>
-
-#include "numbers.h"
 
 #define ITERATIONS 40
 #define CONVERGED 1e-6 /* [rad] */
-#define STEEPEST                                                                                                       \
-    1.5             /* where chords get that long, cells reach to WIDEST, and the station counts as unbounded [rad]    \
-                     */
-#define MARGIN 0.05 /* from there on what is left counts as unbounded [rad] */
-#define WIDEST 1.35 /* a heading off the road's beyond which nothing is bounded [rad] */
+#define STEEPEST 1.5   /* where chords get so long, cells reach to WIDEST, and the station counts as unbounded [rad] */
+#define MARGIN 0.05    /* from there on what is left counts as unbounded [rad] */
+#define WIDEST 1.35    /* a heading off the road's beyond which nothing is bounded [rad] */
 #define RIGHT_ANGLE 1.5707963267948966
 
 /* By how much the heading can turn between two stations [rad]: the chord is longer, the steeper, and turns the more,
@@ -80,8 +75,7 @@ static void add_pieces(
     }
 }
 
-/* Add what cell j leads to; return how many cells its heading may change by, or -1 where the normals cross before it.
- */
+/* Add what cell j leads to; return how many cells its heading may change by, -1 where normals cross before it. */
 static int64_t spread_cell(
     double kappa, const struct hdv_grid *grid, double heading, const struct chord_frame *chord, int64_t j,
     const struct hdv_cells *before, const struct cell_span *span, struct hdv_cells *now, const double *slopes

@@ -7,15 +7,9 @@
  */
 #include "prove.h"
 
-#include <math.h>
-
-#include "numbers.h"
-#include "polygons.h"
-
-#define SCALE 8.0 /* of W: about the length over which a trailer turns [m] */
-#define SIDEWAYS                                                                                                       \
-    1.3 /* off the road's heading: no leading unit is said to stand across the road by more than 74 degrees [rad] */
-#define STRIPS 24.0 /* of W looked at one by one: a polygon that is wide is far from empty */
+#define SCALE 8.0    /* of W: about the length over which a trailer turns [m] */
+#define SIDEWAYS 1.3 /* off the road: no leading unit is said to stand across it by more than 74 degrees [rad] */
+#define STRIPS 24.0  /* of W looked at one by one: a polygon that is wide is far from empty */
 #define HALF_CIRCLE 3.141592653589793
 
 /* What stays the same while a vehicle is followed. */

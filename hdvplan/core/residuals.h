@@ -9,8 +9,7 @@
 /* Bounds this near to each other [m, rad, 1/m]: a point is refused that breaks them by a fortieth of that and more. */
 #define HDV_NEAR_BOUNDS 0.04
 #define HDV_ONE_BOUND 1e-3 /* nearer ones count as if they were so far from each other */
-/* Dual residual beside the largest multiplier from which a point is no optimum: honest solvers stay below 6e-4, other
- * optima are at 1 and above. */
+/* Dual residual beside the largest multiplier, from which a point is no optimum: others have 6e-4, or 1 and more. */
 #define HDV_WRONG 1e-2
 
 struct hdv_residuals {

@@ -13,8 +13,7 @@ struct cost {
     double uu[HDV_MOST_INPUTS][HDV_MOST_INPUTS], u[HDV_MOST_INPUTS];
 };
 
-/* Write the Hessian's parts Q + A'P+ A and B'P+ A. Only the lower triangle of P+ is used: its rounding is not handed
- * on. */
+/* Write Q + A'P+ A and B'P+ A. Only the lower triangle of P+ is used: its rounding is not handed on. */
 HDV_INLINE void carry_states(struct stage stage, const double *Q, vector *P, struct cost *to, int64_t n, int64_t m) {
     vector A[HDV_MOST_STATES], PA[HDV_MOST_STATES];
     for (int64_t t = 0; t < n; ++t)
@@ -67,8 +66,7 @@ carry_gradient(struct stage stage, struct weights weights, const four *v, struct
     }
 }
 
-/* Minimise over the inputs, the last first: write K, L and k; leave the cost by x alone. Returns 0 where an input has
- * no curvature. */
+/* Minimise over the inputs, the last first: write K, L, k; leave the cost by x. Returns 0 if one has no curvature. */
 HDV_INLINE int eliminate_inputs(struct cost *cost, struct recursion own, int64_t n, int64_t m) {
     double whole[HDV_MOST_INPUTS];
     for (int64_t j = 0; j < m; ++j)

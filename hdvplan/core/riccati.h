@@ -24,8 +24,7 @@ HDV_INLINE struct recursion recursion_at(double *work, int64_t n, int64_t m, int
     return (struct recursion){P, p, K, k, k + m};
 }
 
-/* Records with Q, q, R, r one behind the other, or with x, u: the first such number, and how many lie from stage to
- * stage. */
+/* Records with Q, q, R, r in a row, or with x, u: the first such number, and how many lie from stage to stage. */
 struct hdv_series {
     double *first;
     int64_t stride;

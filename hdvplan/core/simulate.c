@@ -99,9 +99,7 @@ void hdv_simulate(
     }
 }
 
-/* Write the states (count_at, n) at arclengths at (count_at,), in ascending order, of a vehicle that was driven from
- * states z (poses, n) at arclengths s (poses,), each with the curvature kappa (poses - 1,) to the next [1/m]. */
-HDV_EXPORT void hdv_states_between(
+void hdv_states_between(
     const struct hdv_unit *units, int64_t count, int64_t n, const struct hdv_curve *curve, int64_t poses,
     const double *s, const double *z, const double *kappa, int64_t count_at, const double *at, double *states
 ) {

@@ -93,8 +93,7 @@ HDV_INLINE struct point program_point(const struct hdv_program *program, const s
     return point_at(program, points, program->shape.states, program->shape.inputs, i);
 }
 
-/* Gradient of the Lagrangian by input j, whose bound has multiplier ``bound``; ``ahead`` are those of the dynamics that
- * it enters. */
+/* Gradient of the Lagrangian by input j; multipliers are its bound's, and ``ahead`` those of the dynamics behind it. */
 HDV_INLINE double slope_of_input(
     struct stage stage, const double *u, double bound, const double *ahead, int64_t n, int64_t m, int64_t j
 ) {

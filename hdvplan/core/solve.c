@@ -58,8 +58,7 @@ breaks(const struct hdv_program *program, struct stage stage, double *x, double 
     return any;
 }
 
-/* The multipliers of the dynamics, -(P x + p): without inequalities the cost-to-go's gradient has less rounding than an
- * adjoint pass. */
+/* The multipliers of the dynamics, -(P x + p): without inequalities this rounds less than an adjoint pass. */
 HDV_INLINE void multiply_out(struct recursion own, const double *x, double *dynamics, int64_t n) {
     vector gradient, P;
     load(gradient, own.p, n);

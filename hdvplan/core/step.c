@@ -9,8 +9,7 @@
 
 /* A step is halved no further: some of it must be taken, as the vehicle has moved on. */
 static const double shortest_step = 1.0 / 32.0;
-/* A motion that leaps by more between two stations is none: so far from the line, steps are shortened so much that it
- * does not reach its start [m]. */
+/* A motion that leaps by more from station to station is none: its steps are too short to reach its start [m]. */
 static const double leap = 0.5;
 /* RTI leaves a smaller predicted violation to the next step [m]. A program more may lift a larger one before the next
  * ends it, so that none is left out for that. */
@@ -62,8 +61,7 @@ static void extend_guess(const struct hdv_planner *planner, int64_t kept) {
     }
 }
 
-/* Linearise all terms at stages from begin on, of which nothing is known where they are fresh; 0 where a point has no
- * foot. */
+/* Linearise all terms at stages from begin on, known ones unless they are fresh; 0 where a point has no foot. */
 static int linearise(struct hdv_planner *planner, int64_t begin, int64_t fresh) {
     planner->linearisations++;
     for (int64_t number = 0; number < planner->term_count; number++) {
@@ -216,8 +214,7 @@ HDV_EXPORT int64_t hdv_accept(struct hdv_planner *planner, const struct hdv_poin
     return settled || !(planner->iterates || repairing) ? finish(planner) : HDV_SOLVE;
 }
 
-/* Whether the budget has room for one more program: its solution is moved by, and once more if that makes a plan worse.
- */
+/* Whether the budget has room for one more program: for the move, and another one if that makes the plan worse. */
 static int affords_more(const struct hdv_planner *planner) {
     return planner->iterations < planner->most_factorisations &&
            planner->linearisations + 2 <= planner->most_linearisations;
@@ -253,8 +250,7 @@ static int64_t salvage(struct hdv_planner *planner, const struct hdv_point *poin
     return finish(planner);
 }
 
-/* Solve, judge and move, until the plan is made, with our solver. The last solution's multipliers are its guess, and
- * where it writes. */
+/* Solve, judge and move, until the plan is made, with our solver: it begins at, and writes, the planner's own point. */
 HDV_EXPORT int64_t hdv_iterate(struct hdv_planner *planner) {
     int64_t stop = HDV_SOLVE;
     const struct hdv_array *points = &planner->arrays[HDV_POINTS], *rows = &planner->arrays[HDV_ROW_POINTS];

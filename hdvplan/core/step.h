@@ -22,8 +22,7 @@ struct hdv_array {
 /* The arrays that every planner has come first, in this order; those of the terms follow. */
 enum { HDV_STAGES, HDV_ROWS, HDV_MOTION, HDV_POSES, HDV_POINTS, HDV_ROW_POINTS, HDV_OWN_ARRAYS };
 
-/* What ends a call: a plan; a program that waits for its solution; one that our solver failed at; a point of the
- * vehicle without a foot. */
+/* What ends a call: a plan; a program that waits for a solution, or that our solver failed at; a point without foot. */
 enum hdv_stop { HDV_PLANNED, HDV_SOLVE, HDV_REFUSED, HDV_LOST };
 
 /* What is wrong with a solution: it breaks the program; it keeps it, but is far from its optimum. */

@@ -94,8 +94,7 @@ static double uneven(const struct hdv_tracked *on, int64_t interval, int64_t uni
     return largest;
 }
 
-/* T4 for a lead unit, whose rear wheels follow the front ones, and for a trailer, whose wheels follow its articulation.
- */
+/* T4 for a lead unit's rear wheels, which follow the front ones, and a trailer's, which follow its articulation. */
 static struct off_law off_law_of(
     const struct hdv_tracked *on, int64_t interval, int64_t unit, struct aside at, struct coupling coupling,
     struct ahead ahead, double heading
@@ -187,8 +186,7 @@ static struct turning turning_of(
     };
 }
 
-/* What the residuals, the bow and the drift add to the first order at most: the comparison of T1 to T4, with them alone
- * as errors. */
+/* What residuals, bow and drift add to the first order at most: T1 to T4 compared, with them alone as errors. */
 static struct beyond beyond_of(
     const struct hdv_tracked *on, const struct hdv_link *link, const struct beyond *ahead, double coupling,
     const struct hdv_stray *stray, double before

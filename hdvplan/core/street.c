@@ -11,16 +11,14 @@
 #include "kinematics.h"
 #include "numbers.h"
 
-#define WINDOW_M 4.0 /* pieces beside the line so far before and beyond a point are looked at */
-#define PASSING_M                                                                                                      \
-    0.035 /* a kerb's corner so far before a body, or behind it, comes beside it between two poses of a plan */
+#define WINDOW_M 4.0    /* pieces beside the line so far before and beyond a point are looked at */
+#define PASSING_M 0.035 /* before or behind a body a kerb's corner comes beside it between two poses of a plan */
 #define ROUNDING_M 1e-6 /* of the last station */
 #define MORE_M 1e-6     /* than rounding of a distance */
-#define IN_FRONT                                                                                                       \
-    0.5 /* sine of the angle to a kerb from which on a place is on its street's side, however a body stands there */
-#define ALIKE 0.05   /* of cosines: 18 degrees of a straight run */
-#define SEEN_M 0.1   /* beyond a kerb: no wall's thickness alone */
-#define SAME_M 1e-12 /* from a point to a corner of a kerb: no direction leads from one to the other */
+#define IN_FRONT 0.5    /* sine of the angle to a kerb, from which on a place is on its street's side */
+#define ALIKE 0.05      /* of cosines: 18 degrees of a straight run */
+#define SEEN_M 0.1      /* beyond a kerb: no wall's thickness alone */
+#define SAME_M 1e-12    /* from a point to a corner of a kerb: no direction leads from one to the other */
 
 /* The nearest place of a kerb to a corner of a body. */
 struct nearest {
@@ -87,8 +85,7 @@ HDV_INLINE void meet(const struct hdv_piece *piece, double x, double y, double s
     }
 }
 
-/* The same for a point that is led back to a kerb's own side: before and beyond a piece, too, the way across it counts.
- */
+/* The same for a point that is led back to a kerb's side: before and beyond a piece the way across it counts, too. */
 static void meet_aside(const struct hdv_piece *piece, double x, double y, int64_t number, struct nearest *to) {
     double dx = x - piece->x, dy = y - piece->y;
     double along = dx * piece->cos + dy * piece->sin, across = dy * piece->cos - dx * piece->sin;
@@ -191,8 +188,7 @@ static void begin_outline(
     }
 }
 
-/* The next block, from a number on, that is the first of a kerb which bounds an outline; their count where there is
- * none. */
+/* The next block, from a number on, that is the first of a kerb that bounds an outline; their count without any. */
 static int64_t next_kerb(const struct search *in, const struct outline *on, int64_t from) {
     for (int64_t known = 0; from < in->count; from++) {
         if (on->wheels != ALL && in->blocks[from].wheels != on->wheels)
@@ -421,8 +417,7 @@ static void begin_contacts(struct hdv_contacts *found) {
     }
 }
 
-/* The stretch of line beside which pieces are looked at for a body whose axle is so far behind the lead rear axle,
- * which is at arclength s [m]. */
+/* The stretch of line beside a body whose axle is so far behind the lead rear one, which is at arclength s [m]. */
 static struct stretch_of_line line_beside(const struct hdv_unit *unit, double s, double behind) {
     double axle = s - behind;
     return (struct stretch_of_line){axle - unit->rear_overhang - WINDOW_M, axle + unit->front + WINDOW_M};
@@ -456,8 +451,7 @@ static struct seen seen_from(const struct hdv_pose *pose, const struct hdv_piece
     };
 }
 
-/* Whether a piece lies in a box beside a stretch of line, as far as its ends tell: what lies there beside another one,
- * as where the line crosses itself, does not. */
+/* Whether a piece lies in a box beside a stretch of line, as far as its ends tell. */
 static int is_in(const struct hdv_piece *piece, const struct box_beside *in) {
     if (piece->s_high < in->line.low || piece->s_low > in->line.high)
         return 0;
@@ -556,66 +550,14 @@ box_around(const struct hdv_unit *unit, const struct hdv_pose *pose, double s, d
     };
 }
 
-/* Add a place of another block to a block, and to all places after it. */
-static void add_place(struct hdv_block *to, const struct hdv_block *block, int64_t place) {
-    to->corners |= (block->corners >> place & 1) << to->count;
-    for (int64_t i = to->count++; i < HDV_TOGETHER; i++) {
-        to->x[i] = block->x[place];
-        to->y[i] = block->y[place];
-        to->cos[i] = block->cos[place];
-        to->sin[i] = block->sin[place];
-        to->length[i] = block->length[place];
-        to->numbers[i] = block->numbers[place];
-    }
-}
-
-/* List the pieces beside a body that are nearer to it than ``reach`` [m]; there may be too many. */
-void pieces_near(
-    const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
-    double reach, struct hdv_near *found
-) {
-    struct box_beside box = box_around(unit, pose, s, behind, reach);
-    struct search in = {.street = street};
-    int64_t listed = 0;
-    found->count = 0;
-    found->reach = reach;
-    range_over(&in, box.line);
-    for (const struct hdv_block *block = in.blocks; block < in.blocks + in.count; block++) {
-        struct hdv_block *to = &found->blocks[found->count];
-        for (int64_t place = 0; place < block->count; place++) {
-            if (!is_in(&street->pieces[block->numbers[place]], &box))
-                continue;
-            if (listed++ == HDV_SOME) {
-                found->count = -1;
-                return;
-            }
-            if (to == &found->blocks[found->count]) {
-                found->count++;
-                *to = *block;
-                to->count = to->corners = 0;
-            }
-            add_place(to, block, place);
-        }
-    }
-}
-
-/* Write the tightest contacts of a body whose axle is so far behind the lead rear axle, on a straight, which is at
- * arclength s [m], with some pieces, or all (NULL). */
+/* Write the tightest contacts of a body whose axle is ``behind`` [m] the lead rear one, on a straight, at s [m]. */
 void look_at_body(
-    const struct hdv_street *street, const struct hdv_near *among, enum hdv_look look, const struct hdv_unit *unit,
-    const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
+    const struct hdv_street *street, enum hdv_look look, const struct hdv_unit *unit, const struct hdv_pose *pose,
+    double s, double behind, struct hdv_contacts *found
 ) {
     struct search in = {.street = street, .look = look, .unit = unit, .pose = pose, .axle = s - behind};
     in.last = s > street->end + ROUNDING_M ? street->end : INFINITY;
-    if (among) {
-        in.low = line_beside(unit, s, behind).low;
-        in.high = INFINITY;
-        in.blocks = among->blocks;
-        in.count = among->count;
-        in.reach = among->reach;
-    } else {
-        range_over(&in, line_beside(unit, s, behind));
-    }
+    range_over(&in, line_beside(unit, s, behind));
     struct outline body, wheels_of, overhangs;
     begin_outline(&body, pose, -unit->rear_overhang, unit->front, unit->half_width, 0);
     begin_outline(&overhangs, pose, -unit->rear_overhang, unit->front, unit->half_width, 1);
@@ -643,7 +585,7 @@ HDV_EXPORT void hdv_look_many(
     for (int64_t i = 0; i < poses; i++) {
         for (int64_t unit = 0; unit < count; unit++) {
             int64_t at = i * count + unit;
-            look_at_body(street, NULL, (enum hdv_look)look, &units[unit], &placed[at], s[i], behind[unit], &found[at]);
+            look_at_body(street, (enum hdv_look)look, &units[unit], &placed[at], s[i], behind[unit], &found[at]);
         }
     }
 }

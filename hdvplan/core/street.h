@@ -68,8 +68,7 @@ struct hdv_contacts {
     struct hdv_contact overhang[2][2]; /* of its rear and its front corner with the kerbs that wheels must keep */
 };
 
-/* The tightest contact of one section of a body with one side's kerbs, while the vehicle moves from a pose to the next.
- */
+/* The tightest contact of a body's section with one side's kerbs, while the vehicle moves from a pose to the next. */
 struct hdv_touch {
     double gap;    /* negative beyond the kerb; infinite where there is none [m] */
     double s;      /* of the kerb there [m] */
@@ -83,15 +82,6 @@ enum hdv_look {
     HDV_TO_PLAN, /* by the side that a kerb has, so that a body beyond it is led back; walls across the street lead
                     nowhere */
     HDV_TO_JUDGE /* what is inside and outside alone counts */
-};
-
-enum { HDV_SOME = 128 };
-
-/* Some pieces of a street near a body, by blocks. */
-struct hdv_near {
-    int64_t count; /* -1: too many pieces to be listed */
-    double reach;  /* further from the body there are others [m] */
-    struct hdv_block blocks[HDV_SOME];
 };
 
 /* Arclengths of the line [m]. */
@@ -109,13 +99,9 @@ struct box_beside {
 struct box_beside
 box_around(const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind, double reach);
 int64_t next_in(const struct hdv_street *street, const struct box_beside *in, int64_t from);
-void pieces_near(
-    const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
-    double reach, struct hdv_near *found
-);
 void look_at_body(
-    const struct hdv_street *street, const struct hdv_near *among, enum hdv_look look, const struct hdv_unit *unit,
-    const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
+    const struct hdv_street *street, enum hdv_look look, const struct hdv_unit *unit, const struct hdv_pose *pose,
+    double s, double behind, struct hdv_contacts *found
 );
 
 #endif

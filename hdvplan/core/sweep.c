@@ -3,8 +3,8 @@
 #include "numbers.h"
 #include "path.h"
 
-static const double ROUNDING =
-    1e-6; /* of feet, as a part of the spacing: a body without rear overhang begins at s = 0 */
+static const double LEAP_M = 0.5; /* of a foot from where its last two places lead: it is sought from its neighbour */
+static const double ROUNDING = 1e-6; /* of feet, as a part of the spacing: a body without overhang begins at s = 0 */
 
 /* The foot of an outline's point on the road: at this pose, and at the one before. */
 struct track {
@@ -41,8 +41,11 @@ HDV_INLINE void move_feet(
     for (int64_t i = 0; i < points; i++) {
         struct track *track = tracks + i, before = *track;
         track->offset = NAN;
-        if (known)
-            find_foot(curve, pose, outline + 2 * i, 2.0 * before.s - before.s_before, track);
+        double led = 2.0 * before.s - before.s_before;
+        if (known && !isnan(last))
+            find_foot(curve, pose, outline + 2 * i, led, track);
+        if (fabs(track->s - led) > LEAP_M)
+            track->offset = NAN;
         if (isnan(track->offset) && !isnan(last))
             find_foot(curve, pose, outline + 2 * i, last, track);
         track->s_before = before.s;
@@ -55,8 +58,7 @@ HDV_INLINE void move_feet(
     }
 }
 
-/* Widens an envelope by a straight piece in the (s, offset) plane, from (s_low, e_low) to (s_high, e_high) with s_low
- * <= s_high. */
+/* Widens an envelope by a straight piece in the (s, offset) plane, whose first end has the lower s. */
 HDV_INLINE void
 cover_ordered(const struct envelope *envelope, double s_low, double e_low, double s_high, double e_high) {
     int64_t first = whole(ceil((s_low - envelope->s_first) / envelope->spacing - ROUNDING), 0, envelope->stations);
@@ -79,8 +81,7 @@ HDV_INLINE void cover(const struct envelope *envelope, double s_from, double e_f
         cover_ordered(envelope, s_from, e_from, s_to, e_to);
 }
 
-/* Widens an envelope by an outline, from point to point, and if it was seen before by every point's way from the last
- * pose. */
+/* Widens an envelope by an outline, and if it was seen before by every point's way from the last pose. */
 HDV_INLINE void widen(const struct envelope *envelope, int64_t points, const struct track *tracks, int seen) {
     for (int64_t i = 0; i < points; i++) {
         const struct track *here = tracks + i;

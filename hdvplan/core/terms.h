@@ -11,8 +11,7 @@ struct hdv_dynamics {
     int64_t rule;
 };
 
-/* Writes the state one station ahead into z_next (n,), active wheels held. k and k_between are the road's curvature at
- * the station and half-way to the next [1/m]. */
+/* Writes the state a station ahead, wheels held; k and k_between are the road's curvature here and half-way [1/m]. */
 HDV_EXPORT void hdv_advance(
     int64_t rule, const struct hdv_unit *units, int64_t count, double k, double k_between, double step, int64_t n,
     const double *z, double kappa, double *z_next
@@ -64,8 +63,7 @@ struct hdv_edge_point {
     int64_t overhang; /* 1 where it belongs to an overhang */
 };
 
-/* The largest reach ([ART] J4, J5). t is one state more, which the first stage's last input sets and all others keep.
- */
+/* The largest reach ([ART] J4, J5). t is a state that the first stage's last input sets and all others keep. */
 struct hdv_reach {
     const struct hdv_curve *curve;
     const struct hdv_edge_point *points; /* (units, points), the watched ones */
@@ -104,7 +102,6 @@ struct hdv_limits {
     double *seen;           /* (stages, states + 2), state, and the curvature until it, as a stage was last looked
                                through; how far all bodies are clear there [m], 0 where one has rows */
     struct hdv_edge *edges; /* (stages, units, 2), left and right */
-    struct hdv_near *near;  /* what is near the body that is looked at: 0.1 MB, too much for a small stack */
     double violation;       /* deepest breach by the motion that was last linearised at [m]; 0 when all is kept */
 };
 

@@ -95,8 +95,7 @@ HDV_INLINE double outstanding(const struct hdv_tracked *on, int64_t count, struc
     return total;
 }
 
-/* The dynamic programme: what is reached at most from every level of the error, and the weights of one sign in a row.
- */
+/* The dynamic programme: what is reached at most from every level of the error; weights of one sign in a row. */
 struct programme {
     double level[HDV_MOST_LEVELS + 1]; /* of the error, from -1 to 1 */
     double reached[2][HDV_MOST_LEVELS + 2];
@@ -253,8 +252,7 @@ hdv_approach(const struct hdv_tracked *on, const struct hdv_brush *brushes, int6
         approach_of(on, &brushes[number], NULL, NULL, 0, &found[number]);
 }
 
-/* Write what the error counts for at one brush, on nodes from there backwards, into weights (room,); return how many.
- */
+/* Write what the error counts for, from a brush backwards, at nodes into weights (room,); return how many. */
 HDV_EXPORT int64_t
 hdv_weights(const struct hdv_tracked *on, const struct hdv_brush *brush, double *weights, int64_t room) {
     struct hdv_approach found;
@@ -282,8 +280,7 @@ static double gain_of(const struct hdv_tracked *on, struct hdv_brush brush, cons
     return found.gain + found.remainder / on->error;
 }
 
-/* Write the gains of intervals from ``first`` to before ``beyond``, by strays of an error so small that nothing of
- * second order counts. */
+/* Write the gains of intervals first <= i < beyond, by strays of an error too small for any second order. */
 HDV_EXPORT void hdv_gains(const struct hdv_tracked *on, int64_t first, int64_t beyond) {
     for (int64_t i = first; i < beyond; i++) {
         for (int64_t unit = 0; unit < on->count; unit++) {

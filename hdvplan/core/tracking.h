@@ -14,8 +14,7 @@
 
 enum { HDV_MOST_LEVELS = 512 }; /* of errors that the worst one is sought among */
 
-/* One unit over one interval of a plan, to first order. Intervals are equally long on the front axle's planned track.
- */
+/* One unit over one interval of a plan, to first order. Intervals are equally long on the front axle's track. */
 struct hdv_link {
     double axle_speed;      /* metres of the axle's track a metre of the front axle's */
     double coupling_speed;  /* and of the coupling's */
@@ -47,8 +46,7 @@ struct hdv_stray {
     double beyond;        /* of the axle, beyond the first order [m] */
 };
 
-/* The most that a unit strays to first order, for every metre of the driver's error; INFINITY where nobody has looked.
- */
+/* The most that a unit strays to first order for a metre of the driver's error; INFINITY where nobody has looked. */
 struct hdv_gain {
     double axle;       /* [m/m] */
     double heading;    /* [rad/m] */
@@ -70,8 +68,7 @@ struct hdv_tracked {
     int64_t levels; /* steps from -E to E; the error changes by at most one an interval */
 };
 
-/* A point of a body that a kerb's normal points to: its approach is by_axle * axle + by_heading * heading, to first
- * order. */
+/* A point of a body near a kerb: to first order it approaches by by_axle * axle + by_heading * heading. */
 struct hdv_brush {
     double gap;                 /* between the planned body and the kerb [m] */
     double at;                  /* of the pose on the front axle's track [m] */

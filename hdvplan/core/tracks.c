@@ -12,9 +12,8 @@
 #include "numbers.h"
 #include "path.h"
 
-#define TIE_M 1e-4 /* a point takes a place over from another one when it reaches this much further */
-#define SWING                                                                                                          \
-    1e-4 /* change of a body's turning per stage from which its edges are looked at where it turns back [rad] */
+#define TIE_M 1e-4    /* a point takes a place over from another one when it reaches this much further */
+#define SWING 1e-4    /* change of a body's turning per stage, from which its edges count where it turns back [rad] */
 #define EDGE_M 1.0    /* length of the straight pieces of such an edge */
 #define NOWHERE_M 1e9 /* beyond the end of any road: the first point of an edge has no piece behind it */
 #define FOOTLESS 0.95 /* curvature times offset from which on a point counts as without a foot */
@@ -42,8 +41,7 @@ static struct seen_from nearest_station(const struct hdv_bodies *bodies, double 
     return seen;
 }
 
-/* Write the tracks of the points left and right of the axis at one place: feet are those on the road's circle of
- * curvature there. */
+/* Write the tracks of a place's left and right points, with feet on the road's circle of curvature there. */
 static void trace_pair(
     const struct hdv_bodies *bodies, const struct hdv_pose *pose, const struct hdv_tracing_point *point,
     int64_t station, struct hdv_track *tracks
@@ -85,44 +83,21 @@ struct piece {
     int64_t unit;
 };
 
-/* The places of the road that a piece lies beside: from low to high, none where low > high. */
-struct places {
-    int64_t low, high;
-};
-
-static struct places places_of(const struct hdv_bodies *bodies, const struct piece *piece) {
-    int64_t count = bodies->station_count;
-    return (struct places){
-        whole(ceil(piece->s_from / bodies->step), 0, count), whole(floor(piece->s_to / bodies->step), -1, count - 1)
-    };
-}
-
-/* Widen the reach of one side by what a point draws from one stage to the next, which are stations stage - 1 and stage.
- */
-static void cover_track(
-    const struct hdv_bodies *bodies, struct piece piece, double ahead, int64_t stage, struct hdv_furthest *reached
-) {
-    double rise = (piece.e_to - piece.e_from) / (piece.s_to - piece.s_from);
-    struct places at = places_of(bodies, &piece);
-    for (int64_t m = at.low; m <= at.high; m++) {
-        double s = (double)m * bodies->step, e = piece.e_from + rise * (s - piece.s_from);
-        if (e > reached[m].reach + TIE_M) {
-            int64_t nearer = 2.0 * s > piece.s_from + piece.s_to ? stage : stage - 1;
-            reached[m] = (struct hdv_furthest){e, rise, ahead, nearer, piece.unit};
-        }
-    }
-}
-
-/* Widen the reach of one side by a straight piece of an edge, whose far end lies ahead of the axle. */
-static void cover_edge(
-    const struct hdv_bodies *bodies, struct piece piece, double ahead, int64_t stage, struct hdv_furthest *reached
+/* Widen the reach of one side by what a point ahead of its axle draws from station stage - 1 to station stage; or, at a
+ * stage, by a straight piece of an edge, whose far end lies so far ahead. */
+static void cover_piece(
+    const struct hdv_bodies *bodies, struct piece piece, double ahead, int edge, int64_t stage,
+    struct hdv_furthest *reached
 ) {
     double rise = piece.s_to > piece.s_from ? (piece.e_to - piece.e_from) / (piece.s_to - piece.s_from) : NAN;
-    struct places at = places_of(bodies, &piece);
-    for (int64_t m = at.low; m <= at.high; m++) {
-        double s = (double)m * bodies->step, highest = piece.e_from + rise * (s - piece.s_from);
-        if (highest > reached[m].reach + TIE_M)
-            reached[m] = (struct hdv_furthest){highest, rise, ahead - (piece.s_to - s), stage, piece.unit};
+    int64_t count = bodies->station_count, low = whole(ceil(piece.s_from / bodies->step), 0, count);
+    int64_t high = whole(floor(piece.s_to / bodies->step), -1, count - 1);
+    for (int64_t m = low; m <= high; m++) {
+        double s = (double)m * bodies->step, e = piece.e_from + rise * (s - piece.s_from);
+        if (e > reached[m].reach + TIE_M) {
+            int64_t nearer = edge || 2.0 * s > piece.s_from + piece.s_to ? stage : stage - 1;
+            reached[m] = (struct hdv_furthest){e, rise, edge ? ahead - (piece.s_to - s) : ahead, nearer, piece.unit};
+        }
     }
 }
 
@@ -147,7 +122,7 @@ static void cover_turning(
             return;
         near = piece.s_to = foot.s;
         piece.e_to = sign * foot.offset;
-        cover_edge(bodies, piece, u, stage, reached);
+        cover_piece(bodies, piece, u, 1, stage, reached);
         piece.s_from = piece.s_to;
         piece.e_from = piece.e_to;
     }
@@ -169,16 +144,15 @@ static void cover_tracks(
                 struct piece piece = {
                     before->foot, sign * before->offset, now->foot, sign * now->offset, point / HDV_TRACING_POINTS
                 };
-                cover_track(
-                    bodies, piece, bodies->points[point].ahead, first + i, reached + side * bodies->station_count
+                cover_piece(
+                    bodies, piece, bodies->points[point].ahead, 0, first + i, reached + side * bodies->station_count
                 );
             }
         }
     }
 }
 
-/* Widen reached (2, places) by what is swept up to stage end - 1; note for each place the point that reaches furthest.
- */
+/* Widen reached (2, places) by what is swept up to stage end - 1: each place has the point that reaches furthest. */
 void cover(
     const struct hdv_bodies *bodies, const struct hdv_tracks *tracks, int64_t first, int64_t end,
     struct hdv_furthest *reached
