@@ -3,7 +3,7 @@
 #include "numbers.h"
 #include "path.h"
 
-static const double LEAP_M = 0.5; /* of a foot from where its last two places lead: it is sought from its neighbour */
+static const double TRUSTED = 0.9;   /* curvature times offset up to which two Newton steps can be trusted */
 static const double ROUNDING = 1e-6; /* of feet, as a part of the spacing: a body without overhang begins at s = 0 */
 
 /* The foot of an outline's point on the road: at this pose, and at the one before. */
@@ -20,37 +20,50 @@ struct envelope {
     double *low, *high; /* (stations,) [m] */
 };
 
-/* Finds the foot of a body's point at arclength near; its offset is NaN without one. */
-HDV_INLINE void find_foot(
-    const struct hdv_curve *curve, const struct hdv_pose *pose, const double *point, double near, struct track *track
-) {
-    struct plane_point at = body_point(pose, point[0], point[1]);
-    struct foot foot = project(curve, at.x, at.y, near, LAST_STEP_M);
-    track->s = foot.s;
-    track->offset = foot.offset;
-}
-
-/* Moves the feet of an outline's points (points, 2) to their next pose, from where their last two places lead where
- * those are known, else each from its neighbour, the first from arclength near. Where a point lies beyond the road's
- * centre of curvature, no foot of that body tells: offsets are NaN, which widen nothing. */
+/* Moves the feet of an outline's points (points, 2) to their next pose, from where their last two places lead; the
+ * offset is NaN where that is too far off. Two Newton steps do but for sudden turns, and until two places are known. */
 HDV_INLINE void move_feet(
     const struct hdv_curve *curve, const struct hdv_pose *pose, int64_t points, const double *outline,
-    struct track *tracks, int known, double near
+    struct track *tracks, int known
+) {
+    for (int64_t i = 0; i < points; i++) {
+        struct track *track = tracks + i;
+        double s = 2.0 * track->s - track->s_before;
+        struct plane_point point = body_point(pose, outline[2 * i], outline[2 * i + 1]);
+        double step = 0.0, turned = 0.0, offset = 0.0;
+        for (int attempt = 0; attempt < 2; attempt++) {
+            struct path_point at = evaluate(curve, s);
+            double ahead = (point.x - at.x) * at.cos + (point.y - at.y) * at.sin;
+            double across = (point.y - at.y) * at.cos - (point.x - at.x) * at.sin;
+            turned = at.curvature * across;
+            step = ahead / (1.0 - turned);
+            s += step;
+            offset = across - 0.5 * ahead * at.curvature * step;
+            if (fabs(step) < LAST_STEP_M)
+                break;
+        }
+        track->s_before = track->s;
+        track->offset_before = track->offset;
+        track->s = s;
+        track->offset = known && fabs(step) < LAST_STEP_M && turned < TRUSTED ? offset : NAN;
+    }
+}
+
+/* Finds the feet that are still missing, each from its neighbour, the first from arclength near. Where a point lies
+ * beyond the road's centre of curvature, no foot of that body tells: offsets are NaN, which widen nothing. */
+HDV_INLINE void search(
+    const struct hdv_curve *curve, const struct hdv_pose *pose, int64_t points, const double *outline,
+    struct track *tracks, double near
 ) {
     double last = near;
-    for (int64_t i = 0; i < points; i++) {
-        struct track *track = tracks + i, before = *track;
-        track->offset = NAN;
-        double led = 2.0 * before.s - before.s_before;
-        if (known && !isnan(last))
-            find_foot(curve, pose, outline + 2 * i, led, track);
-        if (fabs(track->s - led) > LEAP_M)
-            track->offset = NAN;
-        if (isnan(track->offset) && !isnan(last))
-            find_foot(curve, pose, outline + 2 * i, last, track);
-        track->s_before = before.s;
-        track->offset_before = before.offset;
-        last = isnan(track->offset) ? NAN : track->s;
+    for (int64_t i = 0; i < points && !isnan(last); i++) {
+        if (isnan(tracks[i].offset)) {
+            struct plane_point point = body_point(pose, outline[2 * i], outline[2 * i + 1]);
+            struct foot foot = project(curve, point.x, point.y, last, LAST_STEP_M);
+            tracks[i].s = foot.s;
+            tracks[i].offset = foot.offset;
+        }
+        last = isnan(tracks[i].offset) ? NAN : tracks[i].s;
     }
     for (int64_t i = 0; i < points && isnan(last); i++) {
         tracks[i].s = near;
@@ -112,7 +125,8 @@ HDV_EXPORT void hdv_sweep(
                 behind += units[unit - 1].hitch_offset + units[unit].wheelbase;
             const double *outline = outlines + unit * points * 2;
             struct track *own = tracks + unit * points;
-            move_feet(curve, placed + unit, points, outline, own, i > 1, s[i] - behind + outline[0]);
+            move_feet(curve, placed + unit, points, outline, own, i > 1);
+            search(curve, placed + unit, points, outline, own, s[i] - behind + outline[0]);
             struct envelope envelope = {stations, s_first, spacing, low + unit * stations, high + unit * stations};
             widen(&envelope, points, own, i > 0);
         }
