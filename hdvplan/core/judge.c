@@ -28,7 +28,7 @@ static double touch(const struct judged *on, double s, const double *z, struct h
     place(on->units, on->count, at.x, at.y, at.cos, at.sin, z, poses);
     for (int64_t unit = 0; unit < on->count; unit++) {
         struct hdv_contacts found;
-        look_at_body(on->street, HDV_TO_JUDGE, &on->units[unit], &poses[unit], s, on->behind[unit], &found);
+        look_at_body(on->street, NULL, HDV_TO_JUDGE, &on->units[unit], &poses[unit], s, on->behind[unit], &found);
         for (int number = 0; number < 2 * HDV_SECTIONS; number++) {
             const struct hdv_contact *contact = &found.at[number / HDV_SECTIONS][number % HDV_SECTIONS];
             struct hdv_touch *to = &touches[unit * 2 * HDV_SECTIONS + number];

@@ -19,10 +19,11 @@
 #include "standing.h"
 
 #define NEAR_M                                                                                                         \
-    0.2           /* nearer to a kerb a body is looked at before a station: corners close in by less in half a step    \
-                   */
-#define ALONG 0.7 /* cosine to a body's axis: a gap in a direction nearer to it changes with the way */
-#define FAR_M 1e3 /* of a body from a side without any kerb */
+    0.2             /* nearer to a kerb a body is looked at before a station: corners close in by less in half a step  \
+                     */
+#define AMONG_M 1.0 /* from a body before a stage, kerbs further away than a step more are not looked at */
+#define ALONG 0.7   /* cosine to a body's axis: a gap in a direction nearer to it changes with the way */
+#define FAR_M 1e3   /* of a body from a side without any kerb */
 #define NEARER_M 0.05 /* nearer still, it is looked at in every pose of the interval */
 #define FINE_M 30.0   /* as far ahead poses between stations are looked at: the rest moves a plan by centimetres */
 #define DRIFT_M 2e-3  /* rows are good for so small a motion, and for a part of the gap: */
@@ -284,14 +285,15 @@ struct looked {
 };
 
 /* Look at a body before a stage, and keep what is tighter; return the least gap. */
-static double look_before(struct stage_scene *at, int64_t unit, int number, struct looked *found) {
+static double
+look_before(struct stage_scene *at, int64_t unit, int number, const struct hdv_near *among, struct looked *found) {
     struct hdv_contacts seen;
     if (!at->before[number].known)
         see_before(at, number);
     const struct before *before = &at->before[number];
     const struct hdv_unit *body = &at->scene->units[unit];
     look_at_body(
-        at->own->street, HDV_TO_PLAN, body, &before->poses[unit], before->road.s, at->own->behind[unit], &seen
+        at->own->street, among, HDV_TO_PLAN, body, &before->poses[unit], before->road.s, at->own->behind[unit], &seen
     );
     for (int side = 0; side < 2; side++) {
         for (int section = 0; section < HDV_SECTIONS; section++)
@@ -309,7 +311,7 @@ static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *fo
     struct hdv_contacts seen;
     const struct hdv_pose *pose = &at->before[0].poses[unit];
     double s = at->before[0].road.s, end = own->street->end;
-    look_at_body(own->street, HDV_TO_PLAN, body, pose, s, own->behind[unit], &seen);
+    look_at_body(own->street, NULL, HDV_TO_PLAN, body, pose, s, own->behind[unit], &seen);
     for (int side = 0; side < 2; side++) {
         for (int section = 0; section < HDV_SECTIONS; section++)
             found->at[side][section] = (struct tightest){seen.at[side][section], 0};
@@ -324,10 +326,14 @@ static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *fo
         least = 0.0;
     if (least > NEAR_M)
         return;
+    const struct hdv_near *among = own->near;
+    pieces_near(own->street, body, pose, s, own->behind[unit], own->clearance + AMONG_M + at->scene->step, own->near);
+    if (among->count < 0 || least < -AMONG_M) /* far beyond a kerb, all */
+        among = NULL;
     for (int round = 0; round < 2 && least <= (round == 0 ? NEAR_M : NEARER_M);
          round++) { /* every other one, the others */
         for (int number = 2 - round; number < HDV_BETWEEN; number += 2)
-            least = smaller(least, look_before(at, unit, number, found) - own->clearance);
+            least = smaller(least, look_before(at, unit, number, among, found) - own->clearance);
     }
 }
 

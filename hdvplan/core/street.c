@@ -550,14 +550,66 @@ box_around(const struct hdv_unit *unit, const struct hdv_pose *pose, double s, d
     };
 }
 
-/* Write the tightest contacts of a body whose axle is ``behind`` [m] the lead rear one, on a straight, at s [m]. */
+/* Add a place of another block to a block, and to all places after it. */
+static void add_place(struct hdv_block *to, const struct hdv_block *block, int64_t place) {
+    to->corners |= (block->corners >> place & 1) << to->count;
+    for (int64_t i = to->count++; i < HDV_TOGETHER; i++) {
+        to->x[i] = block->x[place];
+        to->y[i] = block->y[place];
+        to->cos[i] = block->cos[place];
+        to->sin[i] = block->sin[place];
+        to->length[i] = block->length[place];
+        to->numbers[i] = block->numbers[place];
+    }
+}
+
+/* List the pieces beside a body that are nearer to it than ``reach`` [m]; there may be too many. */
+void pieces_near(
+    const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
+    double reach, struct hdv_near *found
+) {
+    struct box_beside box = box_around(unit, pose, s, behind, reach);
+    struct search in = {.street = street};
+    int64_t listed = 0;
+    found->count = 0;
+    found->reach = reach;
+    range_over(&in, box.line);
+    for (const struct hdv_block *block = in.blocks; block < in.blocks + in.count; block++) {
+        struct hdv_block *to = &found->blocks[found->count];
+        for (int64_t place = 0; place < block->count; place++) {
+            if (!is_in(&street->pieces[block->numbers[place]], &box))
+                continue;
+            if (listed++ == HDV_SOME) {
+                found->count = -1;
+                return;
+            }
+            if (to == &found->blocks[found->count]) {
+                found->count++;
+                *to = *block;
+                to->count = to->corners = 0;
+            }
+            add_place(to, block, place);
+        }
+    }
+}
+
+/* Write the tightest contacts of a body whose axle is ``behind`` [m] the lead rear one, on a straight, at s [m],
+ * with some pieces, or all (NULL). */
 void look_at_body(
-    const struct hdv_street *street, enum hdv_look look, const struct hdv_unit *unit, const struct hdv_pose *pose,
-    double s, double behind, struct hdv_contacts *found
+    const struct hdv_street *street, const struct hdv_near *among, enum hdv_look look, const struct hdv_unit *unit,
+    const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
 ) {
     struct search in = {.street = street, .look = look, .unit = unit, .pose = pose, .axle = s - behind};
     in.last = s > street->end + ROUNDING_M ? street->end : INFINITY;
-    range_over(&in, line_beside(unit, s, behind));
+    if (among) {
+        in.low = line_beside(unit, s, behind).low;
+        in.high = INFINITY;
+        in.blocks = among->blocks;
+        in.count = among->count;
+        in.reach = among->reach;
+    } else {
+        range_over(&in, line_beside(unit, s, behind));
+    }
     struct outline body, wheels_of, overhangs;
     begin_outline(&body, pose, -unit->rear_overhang, unit->front, unit->half_width, 0);
     begin_outline(&overhangs, pose, -unit->rear_overhang, unit->front, unit->half_width, 1);
@@ -585,7 +637,7 @@ HDV_EXPORT void hdv_look_many(
     for (int64_t i = 0; i < poses; i++) {
         for (int64_t unit = 0; unit < count; unit++) {
             int64_t at = i * count + unit;
-            look_at_body(street, (enum hdv_look)look, &units[unit], &placed[at], s[i], behind[unit], &found[at]);
+            look_at_body(street, NULL, (enum hdv_look)look, &units[unit], &placed[at], s[i], behind[unit], &found[at]);
         }
     }
 }

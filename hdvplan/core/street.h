@@ -84,6 +84,15 @@ enum hdv_look {
     HDV_TO_JUDGE /* what is inside and outside alone counts */
 };
 
+enum { HDV_SOME = 128 };
+
+/* Some pieces of a street near a body, by blocks. */
+struct hdv_near {
+    int64_t count; /* -1: too many pieces to be listed */
+    double reach;  /* further from the body there are others [m] */
+    struct hdv_block blocks[HDV_SOME];
+};
+
 /* Arclengths of the line [m]. */
 struct stretch_of_line {
     double low, high;
@@ -99,9 +108,13 @@ struct box_beside {
 struct box_beside
 box_around(const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind, double reach);
 int64_t next_in(const struct hdv_street *street, const struct box_beside *in, int64_t from);
+void pieces_near(
+    const struct hdv_street *street, const struct hdv_unit *unit, const struct hdv_pose *pose, double s, double behind,
+    double reach, struct hdv_near *found
+);
 void look_at_body(
-    const struct hdv_street *street, enum hdv_look look, const struct hdv_unit *unit, const struct hdv_pose *pose,
-    double s, double behind, struct hdv_contacts *found
+    const struct hdv_street *street, const struct hdv_near *among, enum hdv_look look, const struct hdv_unit *unit,
+    const struct hdv_pose *pose, double s, double behind, struct hdv_contacts *found
 );
 
 #endif

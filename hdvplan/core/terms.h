@@ -102,6 +102,7 @@ struct hdv_limits {
     double *seen;           /* (stages, states + 2), state, and the curvature until it, as a stage was last looked
                                through; how far all bodies are clear there [m], 0 where one has rows */
     struct hdv_edge *edges; /* (stages, units, 2), left and right */
+    struct hdv_near *near;  /* what is near the body that is looked at: 0.1 MB, too much for a small stack */
     double violation;       /* deepest breach by the motion that was last linearised at [m]; 0 when all is kept */
 };
 

@@ -121,6 +121,7 @@ int hdvplan_begin(struct hdvplan_memory *memory, const struct hdvplan_road *road
     own->limits.behind = hdvplan_vehicle.behind;
     own->limits.seen = own->seen;
     own->limits.edges = own->edges;
+    own->limits.near = &own->near;
     put_terms(own);
     take_road(own, road);
     return 1;

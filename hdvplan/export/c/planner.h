@@ -85,6 +85,7 @@ struct hdvplan_memory {
     double ones[COUNT];
     double seen[COUNT * (STATES + 2)];
     struct hdv_edge edges[COUNT * UNITS * 2];
+    struct hdv_near near;
     /* of the solver */
     double work[COUNT * RECURSION + MORE], weights[COUNT * WEIGHTS + MORE], steps[COUNT * (COLUMNS + INPUTS) + MORE];
     union {

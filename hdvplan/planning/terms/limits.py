@@ -17,6 +17,7 @@ from hdvplan.planning.settings import PlannerSettings
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.term import Columns, CorePart, Needs, Scene, Term, core_functions
 from hdvplan.qp.program import by_stage
+from hdvplan.road.pieces import BLOCK
 from hdvplan.vehicle.kinematics import axles_behind
 from hdvplan.vehicle.model import Vehicle
 
@@ -25,6 +26,7 @@ CLEAR_M = core.constant("HDV_CLEAR_M")  # a body that stays this far inside the 
 # What is known of one edge of one body at one stage.
 EDGE = core.record("hdv_edge")
 _LIMITS = core.record("hdv_limits")
+_NEAR = core.record("hdv_near", blocks=np.dtype((BLOCK, core.number("HDV_SOME"))))
 _FUNCTIONS = core_functions("limits")
 
 
@@ -58,10 +60,10 @@ class Limits(Term):
         assert scene.stations.street is not None  # noqa: S101 - for the type checker: see limits_of
         street = scene.stations.street.record.copy()
         street["clearance"] = clearance = settings.clearance - settings.give_way
-        road = (scene.stations.path.record, street, behind)
+        road, near = (scene.stations.path.record, street, behind), np.zeros(1, _NEAR)
         own = (_furthest(vehicle), clearance, columns.row, rows.shape[1])
-        data = np.array([(*map(core.address, road), *own, *map(core.address, seen), 0.0)], _LIMITS)
-        kept, memory = (*road, *scene.stations.street), tuple(by_stage(array) for array in seen)
+        data = np.array([(*map(core.address, road), *own, *map(core.address, (*seen, near)), 0.0)], _LIMITS)
+        kept, memory = (*road, near, *scene.stations.street), tuple(by_stage(array) for array in seen)
         return LimitsPart(scene, _FUNCTIONS, data, rows, seen, kept=kept, memory=memory)
 
 
