@@ -112,16 +112,16 @@ def layout() -> str:
     text = re.sub(r"/\*.*?\*/", "", "".join(headers.values()), flags=re.DOTALL)
     rows = []
     for record, body in re.findall(r"^struct (hdv_\w+) \{(.*?)^\};", text, re.DOTALL | re.MULTILINE):
-        rows.append(f'{{"{record}", "", "", 0, sizeof(struct {record})}},')
+        rows.append(f'{{"{record}", "", "", 0, sizeof(struct {record}), 0.0}},')
         for field in re.findall(r"(\w+)(?:\[\w+\])*[,;]", body):
             own = f"((struct {record} *)0)->{field}"
             kind = f'(__extension__ _Generic({own}, double: "f", int64_t: "i", default: "p"))'
-            rows.append(f'{{"{record}", "{field}", {kind}, offsetof(struct {record}, {field}), sizeof({own})}},')
+            rows.append(f'{{"{record}", "{field}", {kind}, offsetof(struct {record}, {field}), sizeof({own}), 0.0}},')
     enumerated = re.findall(r"\bHDV_[A-Z_]+", "".join(re.findall(r"^enum \w*\s*\{.*?\}", text, re.DOTALL | re.MULTILINE)))
     constants = [*enumerated, *re.findall(r"^#define (HDV_\w+) [\d.]", text, re.MULTILINE)]
-    tables = {"HDV_LAYOUT": rows, "HDV_CONSTANTS": [f'{{"{name}", {name}}},' for name in sorted({*constants})]}
+    rows += [f'{{"", "{name}", "c", 0, 0, {name}}},' for name in sorted({*constants})]
     lines = ["#include <stddef.h>", *(f'#include "{name}"' for name in headers), f'#define HDV_SOURCES "{digest()}"']
-    lines += [f"#define {name} " + " \\\n".join(entries) for name, entries in tables.items()]
+    lines += ["#define HDV_LAYOUT " + " \\\n".join(rows)]
     return "\n".join(lines) + "\n"
 
 

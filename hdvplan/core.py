@@ -40,13 +40,7 @@ class CoreError(HdvplanError):
 class _LayoutRow(ctypes.Structure):
     """``struct hdv_layout`` of layout.c."""
 
-    _fields_ = (("record", ctypes.c_char_p), ("field", ctypes.c_char_p), ("kind", ctypes.c_char_p), ("offset", INT), ("size", INT))
-
-
-class _ConstantRow(ctypes.Structure):
-    """``struct hdv_constant`` of layout.c."""
-
-    _fields_ = (("name", ctypes.c_char_p), ("value", REAL))
+    _fields_ = tuple(zip(("record", "field", "kind", "offset", "size", "value"), (ctypes.c_char_p,) * 3 + (INT, INT, REAL), strict=True))
 
 
 def load(folder: Path) -> ctypes.CDLL:
@@ -79,24 +73,21 @@ def _open(folder: Path, name: str) -> ctypes.CDLL:
         raise CoreError(msg) from None
 
 
-def _layout(library: ctypes.CDLL) -> dict[str, dict[str, tuple[str, int, int]]]:
-    """Return kind, offset and size [bytes] of every field of the core's records; of a record itself under the name ''."""
+def _layout(library: ctypes.CDLL) -> tuple[dict[str, dict[str, tuple[str, int, int]]], dict[str, float]]:
+    """Return kind, offset and size [bytes] of the fields of the core's records, of a record itself under the name ''; and its constants."""
     library.hdv_layout.restype = ctypes.POINTER(_LayoutRow)
     found: dict[str, dict[str, tuple[str, int, int]]] = {}
-    for row in takewhile(lambda row: row.record, library.hdv_layout()):
-        found.setdefault(row.record.decode(), {})[row.field.decode()] = row.kind.decode(), row.offset, row.size
-    return found
-
-
-def _constants(library: ctypes.CDLL) -> dict[str, float]:
-    """Return the core's constants."""
-    library.hdv_constants.restype = ctypes.POINTER(_ConstantRow)
-    return {row.name.decode(): row.value for row in takewhile(lambda row: row.name, library.hdv_constants())}
+    constants = {}
+    for row in takewhile(lambda row: row.record is not None, library.hdv_layout()):
+        if row.kind == b"c":
+            constants[row.field.decode()] = row.value
+        else:
+            found.setdefault(row.record.decode(), {})[row.field.decode()] = row.kind.decode(), row.offset, row.size
+    return found, constants
 
 
 _LIBRARY = load(_FOLDER)
-_LAYOUT = _layout(_LIBRARY)
-_CONSTANTS = _constants(_LIBRARY)
+_LAYOUT, _CONSTANTS = _layout(_LIBRARY)
 
 
 def function(name: str, *arguments: type[Any], returns: type[Any] | None = None, library: ctypes.CDLL | None = None) -> Callable[..., Any]:

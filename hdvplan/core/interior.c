@@ -25,8 +25,7 @@ static const double near_bounds = 0.3; /* bounds closer than this share of their
 static const double start_slack = 0.1; /* least slack at the start, for rows [m] and as a share of a bound's range */
 static const double least_price = 0.1; /* least multiplier of an elastic variable at the start */
 static const double start = 100.0;     /* complementarity at the start; rows cost 1e4, so less starts too near a wall */
-static const double balanced =
-    1e-7; /* of the Lagrangian's gradient by the inputs, relative to the largest multiplier */
+static const double balanced = 1e-7;   /* of the gradient by the inputs, relative to the largest multiplier */
 
 /* An iterate: where it stands, and which inequalities take part. */
 struct iterate {

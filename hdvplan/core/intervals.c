@@ -2,21 +2,6 @@
 
 #include <string.h>
 
-/* Add an interval where there is no room for one more: the nearest one grows until it holds it. */
-static void squeeze(struct interval *pieces, int64_t total, double low, double high) {
-    struct interval *nearest = pieces;
-    double least = INFINITY;
-    for (int64_t p = 0; p < total; p++) {
-        double distance = larger(low - pieces[p].high, pieces[p].low - high);
-        if (distance < least) {
-            nearest = &pieces[p];
-            least = distance;
-        }
-    }
-    nearest->low = smaller(low, nearest->low);
-    nearest->high = larger(high, nearest->high);
-}
-
 /* Add [low, high] to pieces and return how many there are, at most so many: of too many, the closest are joined. */
 int64_t join_interval(struct interval *pieces, int64_t total, int64_t most, double low, double high) {
     int64_t first = 0;
@@ -30,8 +15,11 @@ int64_t join_interval(struct interval *pieces, int64_t total, int64_t most, doub
         high = larger(high, pieces[last].high);
         last++;
     }
-    if (last == first && total == most) {
-        squeeze(pieces, total, low, high);
+    if (last == first && total == most) { /* the nearer neighbour grows */
+        if (first > 0 && (first == total || low - pieces[first - 1].high <= pieces[first].low - high))
+            pieces[first - 1].high = high;
+        else
+            pieces[first].low = low;
         return total;
     }
     memmove(&pieces[first + 1], &pieces[last], (size_t)(total - last) * sizeof *pieces);

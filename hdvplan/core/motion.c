@@ -20,26 +20,14 @@ static const double INSIDE = 0.05;  /* smallest 1 - e_y k a plan may reach */
 static const double BOUNDS_KEPT = 1e-6; /* of a program, by a solver [1/m, rad] */
 static const double SHORTEST = 1e-3;    /* share of a step below which it is not taken at all */
 
-/* A wanted value, brought within what can be steered from the one before. */
-static double steered(double wanted, double before, double change, double most) {
-    double highest = smaller(smaller(wanted, before + change), most);
-    return larger(larger(highest, before - change), -most);
-}
-
 /* Brings a value within what can be steered, a known one only from beyond a solver's tolerance; whether that was so. */
 static int bring(double *value, int known, double before, double change, double most) {
-    double within = steered(*value, before, change, most);
+    double highest = smaller(smaller(*value, before + change), most);
+    double within = larger(larger(highest, before - change), -most);
     if (known && fabs(within - *value) <= BOUNDS_KEPT)
         return 0;
     *value = within;
     return known;
-}
-
-/* Takes the road's stationary states from stage kept on. */
-static void extend_states(const struct hdv_scene *scene, const double *states, int64_t kept) {
-    int64_t n = scene->states, begin = kept > 1 ? kept : 1;
-    for (int64_t i = begin; i <= scene->program.shape.stages; i++)
-        memcpy(state_at(scene->motion, n, i), states + i * n, (size_t)n * sizeof(double));
 }
 
 /* Extends a motion of which kept stages are known, and lets it begin at start (states,). Returns whether it has changed
@@ -55,7 +43,8 @@ int64_t hdv_guess_motion(
 ) {
     int64_t n = scene->states, last = scene->program.shape.stages, brought = 0;
     memcpy(state_at(scene->motion, n, 0), start, (size_t)n * sizeof(double));
-    extend_states(scene, states, kept);
+    for (int64_t i = kept > 1 ? kept : 1; i <= last; i++)
+        memcpy(state_at(scene->motion, n, i), states + i * n, (size_t)n * sizeof(double));
     for (int64_t i = 1; i <= last; i++)
         for (int64_t wheel = 1; wheel <= wheels; wheel++) {
             int64_t j = n - wheels + wheel - 1;

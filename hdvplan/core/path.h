@@ -6,12 +6,11 @@
 
 #include "numbers.h"
 
-static const double LAST_STEP_M = 2e-5; /* a Newton step this small leaves errors of its square */
-static const double PLANNING_STEP_M =
-    1e-3;                           /* the same for linearisation: offsets are then good to 1e-10 m, feet to 1e-7 m */
-static const double LOCAL_M = 15.0; /* a foot further from where the search began is another part of the road */
-static const double LONGEST_STEP_M = 5.0; /* of a search */
-static const double BEYOND = 0.05;        /* 1 - curvature * offset below which Newton steps would overshoot */
+static const double LAST_STEP_M = 2e-5;     /* a Newton step this small leaves errors of its square */
+static const double PLANNING_STEP_M = 1e-3; /* the same for plans: offsets are then good to 1e-10 m, feet to 1e-7 m */
+static const double LOCAL_M = 15.0;         /* a foot further from where the search began is another part of the road */
+static const double LONGEST_STEP_M = 5.0;   /* of a search */
+static const double BEYOND = 0.05;          /* 1 - curvature * offset below which Newton steps would overshoot */
 
 struct path_point {
     double x, y;      /* [m] */

@@ -199,6 +199,16 @@ HDV_INLINE double left_of(struct axes at, const double *point) {
     return (point[1] - at.y) * at.cos - (point[0] - at.x) * at.sin;
 }
 
+/* Note that cell j holds something between two offsets at station i, and is left. */
+HDV_INLINE void
+note_cell(struct hdv_reached *reached, int64_t i, int64_t j, double low, double high, struct cell_span *left) {
+    left->begin = j < left->begin ? j : left->begin;
+    left->end = j + 1;
+    reached->low[i] = reached->filled[i] > 0 ? smaller(low, reached->low[i]) : low;
+    reached->high[i] = reached->filled[i] > 0 ? larger(high, reached->high[i]) : high;
+    reached->filled[i]++;
+}
+
 int64_t join_interval(struct interval *pieces, int64_t total, int64_t most, double low, double high);
 int64_t keep_intervals(struct interval *found, int64_t number, struct interval *pieces, int64_t most);
 struct gate gate_at(const struct hdv_street *kerbs, struct axes at, double s);

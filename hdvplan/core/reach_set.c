@@ -66,8 +66,7 @@ static void add_pieces(
         double low = former[p].low, high = former[p].high;
         low = larger(chord->ahead - low * chord->sin, 0.0) * tangent.low + low * chord->cos - chord->across;
         high = larger(chord->ahead - high * chord->sin, 0.0) * tangent.high + high * chord->cos - chord->across;
-        if (now->number[k] == 1 && low <= pieces[0].high &&
-            high >= pieces[0].low) { /* nearly always one interval grows */
+        if (now->number[k] == 1 && low <= pieces[0].high && high >= pieces[0].low) { /* nearly always one grows */
             pieces[0] = (struct interval){smaller(low, pieces[0].low), larger(high, pieces[0].high)};
         } else {
             now->number[k] = join_interval(pieces, now->number[k], HDV_FREE_INTERVALS, low, high);
@@ -81,10 +80,8 @@ static int64_t spread_cell(
     const struct hdv_cells *before, const struct cell_span *span, struct hdv_cells *now, const double *slopes
 ) {
     const struct interval *former = before->pieces + j * HDV_FREE_INTERVALS;
-    double theta =
-        grid->first + (double)j * grid->size - heading; /* of the cell's right edge, off the new normal's direction */
-    double most = 2.0 * kappa * chord->ahead +
-                  grid->size; /* more than any heading changes by on this side of the road's centre */
+    double theta = grid->first + (double)j * grid->size - heading; /* of the cell's right edge, off the new normal */
+    double most = 2.0 * kappa * chord->ahead + grid->size; /* more than headings change on this side of the centre */
     double lowest = former[0].low, highest = former[before->number[j] - 1].high;
     double furthest = larger(chord->ahead - lowest * chord->sin, chord->ahead - highest * chord->sin);
     if (furthest <= 0.0)
@@ -104,14 +101,14 @@ static int64_t spread_cell(
     return cells;
 }
 
-/* Write what station i can be reached with, from what was reached at the last one; change the span to the cells that
- * may hold anything, and return how many cells a heading may have changed by. */
+/* Write what station i can be reached with, from what was reached at the last one; return how many cells a heading
+ * may have changed by. */
 HDV_EXPORT int64_t hdv_reach_next(
     double kappa, const struct hdv_frame *frame, const struct hdv_grid *grid, int64_t i, const struct hdv_cells *before,
-    struct cell_span *span, struct hdv_cells *now, double *slopes
+    const struct cell_span *span, struct hdv_cells *now, double *slopes
 ) {
     struct chord_frame chord = chord_at(frame, i);
-    int64_t begin = grid->cells, end = 0, furthest = 0;
+    int64_t furthest = 0;
     for (int64_t j = 0; j < grid->cells; j++)
         now->number[j] = 0;
     write_slopes(grid, frame->heading[i], 2.0 * kappa * chord.ahead + grid->size, span, slopes);
@@ -119,48 +116,32 @@ HDV_EXPORT int64_t hdv_reach_next(
         int64_t cells = before->number[j] == 0
                             ? -1
                             : spread_cell(kappa, grid, frame->heading[i], &chord, j, before, span, now, slopes);
-        if (cells < 0)
-            continue;
-        int64_t low = j - cells > span->lowest ? j - cells : span->lowest;
-        int64_t high = j + cells + 1 < span->highest ? j + cells + 1 : span->highest;
-        begin = low < begin ? low : begin;
-        end = high > end ? high : end;
         furthest = cells > furthest ? cells : furthest;
     }
-    span->begin = begin;
-    span->end = end;
     return furthest;
 }
 
 /* Let cells hold all that the axle's normal allows. */
 static void
-fill_cells(const struct hdv_grid *grid, struct interval near, struct cell_span *span, struct hdv_cells *cells) {
+fill_cells(const struct hdv_grid *grid, struct interval near, const struct cell_span *span, struct hdv_cells *cells) {
     for (int64_t j = 0; j < grid->cells; j++) {
         cells->number[j] = span->lowest <= j && j < span->highest;
         cells->pieces[j * HDV_FREE_INTERVALS] = near;
     }
-    span->begin = span->lowest;
-    span->end = span->highest;
 }
 
-/* Cut all cells down to where the body may fit, narrow the span to what is left, and note the offsets' bounds. */
+/* Cut all cells down to where the body may fit, make the span what is left, and note the offsets' bounds. */
 static void trim_cells(
     const struct hdv_outline *outline, const struct hdv_grid *grid, double heading, const struct hdv_around *around,
     struct hdv_cells *cells, struct cell_span *span, int64_t i, struct hdv_reached *reached
 ) {
-    struct cell_span left = {span->end, span->begin, span->lowest, span->highest};
-    for (int64_t j = span->begin; j < span->end; j++) {
+    struct cell_span left = {span->highest, span->lowest, span->lowest, span->highest};
+    for (int64_t j = span->lowest; j < span->highest; j++) {
         struct interval *pieces = cells->pieces + j * HDV_FREE_INTERVALS;
         struct loose_pose pose = {grid->first + ((double)j + 0.5) * grid->size - heading, 0.5 * grid->size, 0.0, 0.0};
         cells->number[j] = cells->number[j] > 0 ? trim(outline, pose, around, pieces, cells->number[j]) : 0;
-        if (cells->number[j] > 0) {
-            double low = pieces[0].low, high = pieces[cells->number[j] - 1].high;
-            left.begin = j < left.begin ? j : left.begin;
-            left.end = j + 1;
-            reached->low[i] = reached->filled[i] > 0 ? smaller(low, reached->low[i]) : low;
-            reached->high[i] = reached->filled[i] > 0 ? larger(high, reached->high[i]) : high;
-            reached->filled[i]++;
-        }
+        if (cells->number[j] > 0)
+            note_cell(reached, i, j, pieces[0].low, pieces[cells->number[j] - 1].high, &left);
     }
     *span = left;
 }

@@ -165,13 +165,12 @@ join_polygon(const struct follow *follow, const struct source *from, int64_t cel
     *full = 1;
 }
 
-/* Write what station i can be reached with, from what was reached at the last one, and narrow the span to it. */
+/* Write what station i can be reached with, from what was reached at the last one. */
 static void reach_next(
-    const struct follow *follow, int64_t i, const struct hdv_polygons *before, struct cell_span *span,
+    const struct follow *follow, int64_t i, const struct hdv_polygons *before, const struct cell_span *span,
     struct hdv_polygons *now
 ) {
     const struct hdv_grid *grid = follow->grid;
-    int64_t begin = grid->cells, end = 0;
     for (int64_t j = 0; j < grid->cells; j++)
         now->full[j] = 0;
     for (int64_t j = span->begin; j < span->end; j++) {
@@ -183,11 +182,7 @@ static void reach_next(
         int64_t high = j + cells + 1 < span->highest ? j + cells + 1 : span->highest;
         for (int64_t k = low; k < high; k++)
             join_polygon(follow, &from, k - j, &now->full[k], now->h + k * HDV_SIDES);
-        begin = low < begin ? low : begin;
-        end = high > end ? high : end;
     }
-    span->begin = begin;
-    span->end = end;
 }
 
 /* Between which offsets the coupling can lie, when the trailer's heading is within spread of heading off the road's. It
@@ -286,7 +281,7 @@ static int trim_trailer(const struct follow *follow, int64_t i, double turned, d
 
 /* Let cells hold all that the axle's normal allows, at any articulation. */
 static void
-fill_polygons(const struct follow *follow, double widest, struct cell_span *span, struct hdv_polygons *now) {
+fill_polygons(const struct follow *follow, double widest, const struct cell_span *span, struct hdv_polygons *now) {
     const struct hdv_grid *grid = follow->grid;
     for (int64_t j = span->lowest; j < span->highest; j++) {
         double theta = grid->first + ((double)j + 0.5) * grid->size;
@@ -294,18 +289,16 @@ fill_polygons(const struct follow *follow, double widest, struct cell_span *span
         box(follow->directions, follow->around->near,
             (struct interval){SCALE * (theta - widest), SCALE * (theta + widest)}, now->h + j * HDV_SIDES);
     }
-    span->begin = span->lowest;
-    span->end = span->highest;
 }
 
-/* Cut all cells down to where both bodies may fit, narrow the span to what is left, and note the offsets' bounds. */
+/* Cut all cells down to where both bodies may fit, make the span what is left, and note the offsets' bounds. */
 static void trim_polygons(
     const struct follow *follow, double widest, int64_t i, struct hdv_polygons *now, struct cell_span *span,
     struct hdv_reached *reached
 ) {
     const struct hdv_grid *grid = follow->grid;
-    struct cell_span left = {span->end, span->begin, span->lowest, span->highest};
-    for (int64_t j = span->begin; j < span->end; j++) {
+    struct cell_span left = {span->highest, span->lowest, span->lowest, span->highest};
+    for (int64_t j = span->lowest; j < span->highest; j++) {
         double *h = now->h + j * HDV_SIDES, theta = grid->first + ((double)j + 0.5) * grid->size;
         if (!now->full[j])
             continue;
@@ -313,13 +306,8 @@ static void trim_polygons(
         h[3 * QUARTER_TURN] = smaller(h[3 * QUARTER_TURN], SCALE * (widest - theta));
         double turned = theta - follow->frame->heading[i];
         now->full[j] = trim_lead(follow, turned, h) && trim_trailer(follow, i, turned, h);
-        if (now->full[j]) {
-            left.begin = j < left.begin ? j : left.begin;
-            left.end = j + 1;
-            reached->low[i] = reached->filled[i] > 0 ? smaller(-h[HALF_TURN], reached->low[i]) : -h[HALF_TURN];
-            reached->high[i] = reached->filled[i] > 0 ? larger(h[0], reached->high[i]) : h[0];
-            reached->filled[i]++;
-        }
+        if (now->full[j])
+            note_cell(reached, i, j, -h[HALF_TURN], h[0], &left);
     }
     *span = left;
 }

@@ -163,14 +163,12 @@ void cover(
         double turned = 0.0;
         for (int64_t i = 1; i < end; i++) {
             const struct hdv_pose *pose = &tracks->poses[(i - 1) * units + unit], *ahead = pose + units;
-            double former = turned,
-                   beside =
-                       tracks->points[((i - 1) * units + unit) * HDV_TRACING_POINTS + 2].foot; /* beside the axle */
+            double former = turned, axle = tracks->points[((i - 1) * units + unit) * HDV_TRACING_POINTS + 2].foot;
             turned = pose->cos * ahead->sin - pose->sin * ahead->cos;
             if (former * turned < 0.0 && fabs(turned - former) > SWING) {
                 for (int side = 0; side < 2; side++) {
                     struct hdv_furthest *own = reached + side * bodies->station_count;
-                    cover_turning(bodies, pose, beside, unit, former > 0.0, side, first + i - 1, own);
+                    cover_turning(bodies, pose, axle, unit, former > 0.0, side, first + i - 1, own);
                 }
             }
         }
