@@ -17,21 +17,15 @@ static const double repaired = 0.01;
 /* SQP ends when a shortened step lowers the merit by a smaller share than this. */
 static const double stalled = 1e-3;
 
-/* Let the scene's pointers lead to the window's stage 0. */
-static void point_at_window(struct hdv_planner *planner) {
-    struct hdv_scene *scene = planner->scene;
-    void *at[HDV_OWN_ARRAYS];
-    for (int number = 0; number < HDV_OWN_ARRAYS; number++)
-        at[number] = (char *)planner->arrays[number].base + scene->at * planner->arrays[number].size;
-    scene->program.stages = at[HDV_STAGES];
-    scene->program.rows = at[HDV_ROWS];
-    scene->motion = at[HDV_MOTION];
-    scene->poses = at[HDV_POSES];
+/* An array's record of the window's stage 0. */
+static void *window_of(const struct hdv_planner *planner, int number) {
+    return (char *)planner->arrays[number].base + planner->scene->at * planner->arrays[number].size;
 }
 
 /* Move the window to a station; kept stages of the last plan are known there. */
 static void move_window(struct hdv_planner *planner, int64_t first, int64_t kept) {
-    int64_t at = first - planner->origin, stages = planner->scene->program.shape.stages + 1;
+    struct hdv_scene *scene = planner->scene;
+    int64_t at = first - planner->origin, stages = scene->program.shape.stages + 1;
     if (kept == 0) {
         at = 0;
     } else if (at + stages > planner->capacity) {
@@ -43,21 +37,24 @@ static void move_window(struct hdv_planner *planner, int64_t first, int64_t kept
         at = 0;
     }
     planner->origin = first - at;
-    planner->scene->at = at;
-    point_at_window(planner);
+    scene->at = at;
+    scene->program.stages = window_of(planner, HDV_STAGES);
+    scene->program.rows = window_of(planner, HDV_ROWS);
+    scene->motion = window_of(planner, HDV_MOTION);
+    scene->poses = window_of(planner, HDV_POSES);
 }
 
 /* Guess the multipliers of stages that the last plan does not reach: those of its last stages, or none. */
 static void extend_guess(const struct hdv_planner *planner, int64_t kept) {
     int64_t stages = planner->scene->program.shape.stages + 1, by = stages - kept;
     for (int number = HDV_POINTS; number <= HDV_ROW_POINTS; number++) {
-        const struct hdv_array *array = &planner->arrays[number];
-        char *base = (char *)array->base + planner->scene->at * array->size;
+        char *base = window_of(planner, number);
+        size_t size = (size_t)planner->arrays[number].size;
         for (int64_t i = kept; i < stages; i++)
             if (i < by || kept == 0)
-                memset(base + i * array->size, 0, (size_t)array->size);
+                memset(base + i * (int64_t)size, 0, size);
             else
-                memcpy(base + i * array->size, base + (i - by) * array->size, (size_t)array->size);
+                memcpy(base + i * (int64_t)size, base + (i - by) * (int64_t)size, size);
     }
 }
 
@@ -253,11 +250,7 @@ static int64_t salvage(struct hdv_planner *planner, const struct hdv_point *poin
 /* Solve, judge and move, until the plan is made, with our solver: it begins at, and writes, the planner's own point. */
 HDV_EXPORT int64_t hdv_iterate(struct hdv_planner *planner) {
     int64_t stop = HDV_SOLVE;
-    const struct hdv_array *points = &planner->arrays[HDV_POINTS], *rows = &planner->arrays[HDV_ROW_POINTS];
-    struct hdv_point point = {
-        (double *)((char *)points->base + planner->scene->at * points->size),
-        (double *)((char *)rows->base + planner->scene->at * rows->size)
-    };
+    const struct hdv_point point = {window_of(planner, HDV_POINTS), window_of(planner, HDV_ROW_POINTS)};
     while (stop == HDV_SOLVE) {
         struct hdv_solved solved;
         double began = seconds();
