@@ -4,41 +4,27 @@
 
 #include <string.h>
 
-/* Numbers of the memory's parts, in the order of struct hdv_solver. */
-struct parts {
-    int64_t work, weights, steps, inequalities;
-};
-
-static struct parts parts_of(const struct hdv_shape *shape) {
-    int64_t n = shape->states, m = shape->inputs, count = shape->stages + 1;
-    return (struct parts){
-        count * recursion_size(n, m), count * weights_size(n, m), count * (n + m), count * inequalities_of(shape)
-    };
-}
-
-/* Return how many bytes a solver of such programs takes. */
-HDV_EXPORT int64_t hdv_solver_size(const struct hdv_shape *shape) {
-    struct parts parts = parts_of(shape);
-    int64_t numbers = parts.work + parts.weights + parts.steps, sides = parts.inequalities;
-    int64_t records = sides * (int64_t)sizeof(struct hdv_inequality) + (sides + 1) * (int64_t)sizeof(struct hdv_pair);
-    return (int64_t)sizeof(struct hdv_solver) + numbers * (int64_t)sizeof(double) + records + sides;
-}
-
-/* Lay a solver out in ``memory``, which begins with its struct hdv_solver. */
-HDV_EXPORT void
+/* Lay a solver of such programs out in ``memory``, which begins with its struct hdv_solver; return how many bytes it
+ * takes. Where there is no memory yet, only that. */
+HDV_EXPORT int64_t
 hdv_solver_in(void *memory, const struct hdv_shape *shape, double tolerance, int64_t screens, int64_t warm) {
-    struct parts parts = parts_of(shape);
+    int64_t n = shape->states, m = shape->inputs, count = shape->stages + 1, sides = count * inequalities_of(shape);
+    int64_t work = count * recursion_size(n, m), weights = count * weights_size(n, m), steps = count * (n + m);
     struct hdv_solver *solver = memory;
-    solver->work = (double *)(solver + 1);
-    solver->weights = solver->work + parts.work;
-    solver->steps = solver->weights + parts.weights;
-    solver->inequalities = (struct hdv_inequality *)(solver->steps + parts.steps);
-    solver->pairs = (struct hdv_pair *)(solver->inequalities + parts.inequalities);
-    solver->member = (uint8_t *)(solver->pairs + parts.inequalities + 1);
-    solver->tolerance = tolerance;
-    solver->budget = HDV_UNLIMITED;
-    solver->screens = screens;
-    solver->warm = warm;
+    if (solver != NULL) {
+        solver->work = (double *)(solver + 1);
+        solver->weights = solver->work + work;
+        solver->steps = solver->weights + weights;
+        solver->inequalities = (struct hdv_inequality *)(solver->steps + steps);
+        solver->pairs = (struct hdv_pair *)(solver->inequalities + sides);
+        solver->member = (uint8_t *)(solver->pairs + sides + 1);
+        solver->tolerance = tolerance;
+        solver->budget = HDV_UNLIMITED;
+        solver->screens = screens;
+        solver->warm = warm;
+    }
+    int64_t records = sides * (int64_t)sizeof(struct hdv_inequality) + (sides + 1) * (int64_t)sizeof(struct hdv_pair);
+    return (int64_t)sizeof(struct hdv_solver) + (work + weights + steps) * (int64_t)sizeof(double) + records + sides;
 }
 
 /* Return whether stage i breaks an inequality. States and inputs apart, as gcc 12 warns of bounded_of's choice here

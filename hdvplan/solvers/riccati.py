@@ -23,8 +23,7 @@ from hdvplan.qp.workspace import ENDINGS, QpResult
 
 TOLERANCE = 1e-8  # of products or slacks, and of broken inequalities [m]
 
-_solver_size = core.function("hdv_solver_size", core.POINTER, returns=core.INT)
-_solver_in = core.function("hdv_solver_in", core.POINTER, core.POINTER, core.REAL, core.INT, core.INT)
+_solver_in = core.function("hdv_solver_in", core.POINTER, core.POINTER, core.REAL, core.INT, core.INT, returns=core.INT)
 _solve = core.function("hdv_solve", core.POINTER, core.POINTER, core.POINTER, core.POINTER, core.POINTER)
 _adjoint = core.function("hdv_adjoint", core.POINTER, core.POINTER, returns=core.REAL)
 
@@ -40,12 +39,13 @@ class RiccatiWorkspace:
     def __init__(self, shape: StageShape, *, tolerance: float = TOLERANCE) -> None:
         sizes, self._shape = shape.sizes, shape
         self._point, self._solved = StageSolution.empty(shape), np.zeros(3, np.int64)
-        self._memory = np.zeros(_solver_size(core.address(sizes)), np.uint8)
+        own = (core.address(sizes), tolerance, self.screens, self.starts_warm)
+        self._memory = np.zeros(_solver_in(None, *own), np.uint8)
         self.address = core.address(self._memory)  #: of the core's solver
         #: the same, where the core may call it without this class: not where a class below solves otherwise
         self.core_solver = self.address if type(self).solve is RiccatiWorkspace.solve else 0
         self._to = self.address, self._point.address_for(shape), core.address(self._solved)
-        _solver_in(self.address, core.address(sizes), tolerance, self.screens, self.starts_warm)
+        _solver_in(self.address, *own)
 
     def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
         """Solve ``qp``; see ``QpWorkspace``. Of ``guess`` only multipliers and elastic variables matter."""
