@@ -104,8 +104,7 @@ static void take_in(struct hdv_line *line, struct hdv_line other) {
     *line = (struct hdv_line){smaller(one.low, two.low), larger(one.high, two.high), 0.0, 0.0};
 }
 
-/* Write what is left of a free interval beside a triangle, at most two; return how many. Crossing lines take nothing.
- */
+/* Write what is left of a free interval beside a triangle, at most two; return how many. Crossing lines leave it. */
 static int64_t beside_triangle(struct hdv_line line, const struct hdv_shape_near *triangle, struct hdv_line *out) {
     struct interval first = triangle->first, last = triangle->last;
     double low1 = line.low + HDV_BIN_M * line.of_low, high1 = line.high + HDV_BIN_M * line.of_high;

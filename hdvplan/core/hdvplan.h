@@ -119,8 +119,7 @@ struct hdv_term {
     hdv_linearise *linearise;
     hdv_price *price;
     void *data;
-    const double *violation; /* deepest breach of a limit by the motion of the last linearisation [m]; NULL: the term is
-                                no limit */
+    const double *violation; /* deepest breach by the motion last linearised [m]; NULL: no limit */
 };
 
 #endif

@@ -33,8 +33,7 @@ struct rolling {
     double turn; /* [rad/m] */
 };
 
-/* Metres that the lead body moves forward per metre of road, with derivatives; its axle's velocity along it and across.
- */
+/* Metres that the lead body moves forward per metre of road, with derivatives; its axle's velocity along and across. */
 struct travel {
     double metres;
     double by_e_y, by_e_psi, by_kappa;
@@ -107,8 +106,7 @@ derivative(const struct hdv_unit *units, int64_t count, double k, int64_t n, con
         f[i] = 0.0;
 }
 
-/* Metres that the lead body moves forward per metre of road, with derivatives; its axle's velocity along it and across.
- */
+/* Metres that the lead body moves forward per metre of road, with derivatives; its axle's velocity along and across. */
 HDV_INLINE struct travel lead_travel(double k, double e_y, const struct hdv_pose *pose, struct wheels rear) {
     double inside = 1.0 - e_y * k;
     double along = pose->turned_cos - pose->turned_sin * rear.tan;

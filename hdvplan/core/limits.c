@@ -18,12 +18,10 @@
 #include "sizes.h"
 #include "standing.h"
 
-#define NEAR_M                                                                                                         \
-    0.2             /* nearer to a kerb a body is looked at before a station: corners close in by less in half a step  \
-                     */
-#define AMONG_M 1.0 /* from a body before a stage, kerbs further away than a step more are not looked at */
-#define ALONG 0.7   /* cosine to a body's axis: a gap in a direction nearer to it changes with the way */
-#define FAR_M 1e3   /* of a body from a side without any kerb */
+#define NEAR_M 0.2    /* nearer to a kerb a body is looked at before a station: corners close in by less meanwhile */
+#define AMONG_M 1.0   /* from a body before a stage, kerbs further away than a step more are not looked at */
+#define ALONG 0.7     /* cosine to a body's axis: a gap in a direction nearer to it changes with the way */
+#define FAR_M 1e3     /* of a body from a side without any kerb */
 #define NEARER_M 0.05 /* nearer still, it is looked at in every pose of the interval */
 #define FINE_M 30.0   /* as far ahead poses between stations are looked at: the rest moves a plan by centimetres */
 #define DRIFT_M 2e-3  /* rows are good for so small a motion, and for a part of the gap: */

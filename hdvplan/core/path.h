@@ -46,8 +46,7 @@ HDV_INLINE struct path_point evaluate(const struct hdv_curve *curve, double s) {
     double dy = y[1] + u * (2.0 * y[2] + u * (3.0 * y[3] + u * (4.0 * y[4] + u * 5.0 * y[5])));
     double ddx = 2.0 * x[2] + u * (6.0 * x[3] + u * (12.0 * x[4] + u * 20.0 * x[5]));
     double ddy = 2.0 * y[2] + u * (6.0 * y[3] + u * (12.0 * y[4] + u * 20.0 * y[5]));
-    /* Knots are equal arclengths apart, so |gamma'| is 1 to some 1e-5: two terms of 1/sqrt(1 + over) are exact to
-     * 1e-13. */
+    /* Knots are equal arclengths apart: |gamma'| is 1 to 1e-5, and two terms of 1/sqrt(1 + over) exact to 1e-13. */
     double over = dx * dx + dy * dy - 1.0;
     double unit = 1.0 - over * (0.5 - 0.375 * over);
     return (struct path_point){

@@ -56,8 +56,8 @@ struct hdv_line {
     double of_low, of_high; /* slopes */
 };
 
-/* A triangle in the road's frame at one station; and where it meets one bin: over all of it, at its first line and at
- * its last. Empty intervals are infinite. */
+/* A triangle in the road's frame; where it meets a bin: all of it, its first line, its last. Empty ones are infinite.
+ */
 struct hdv_shape_near {
     double u[3], v[3];
     struct interval extent; /* of u */

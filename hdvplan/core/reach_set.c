@@ -101,8 +101,7 @@ static int64_t spread_cell(
     return cells;
 }
 
-/* Write what station i can be reached with, from what was reached at the last one; return how many cells a heading
- * may have changed by. */
+/* Write what station i can be reached with from the last one; return how many cells a heading may have changed by. */
 HDV_EXPORT int64_t hdv_reach_next(
     double kappa, const struct hdv_frame *frame, const struct hdv_grid *grid, int64_t i, const struct hdv_cells *before,
     const struct cell_span *span, struct hdv_cells *now, double *slopes

@@ -185,9 +185,8 @@ static void reach_next(
     }
 }
 
-/* Between which offsets the coupling can lie, when the trailer's heading is within spread of heading off the road's. It
- * depends on the leading unit's heading turned only by how far the coupling lies ahead, left or right: so what was
- * found at a station is kept. */
+/* Between which offsets the coupling can lie, when the trailer's heading is within spread of heading off the road's.
+ * The leading unit's heading only turns how far ahead and aside the coupling lies: what was found is kept. */
 static struct interval
 trailer_room(const struct follow *follow, double turned, double heading, double spread, int64_t i) {
     const struct hdv_around *around = follow->around;

@@ -41,9 +41,8 @@ static int bend_of(struct bounds *at, const struct hdv_station *road, double rea
     return 1;
 }
 
-/* A lower bound of all bodies' clearance from the state alone [m], or -inf where the bound says nothing.
- * From bounds of k around the vehicle follow bounds of e'' and of phi', from coupling to coupling: no point needs to be
- * projected. */
+/* A lower bound of all bodies' clearance from the state alone [m], or -inf where it says nothing. Bounds of k around
+ * the vehicle give those of e'' and phi', from coupling to coupling: no point needs to be projected. */
 double clear_by_state(const struct hdv_unit *units, int64_t count, const struct hdv_station *at, const double *z) {
     double reach = larger(at->room_left, at->room_right);
     if (larger(fabs(at->k_low), fabs(at->k_high)) * reach > BULGING)

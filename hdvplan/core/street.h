@@ -79,8 +79,7 @@ struct hdv_touch {
 
 /* How contacts are looked for. */
 enum hdv_look {
-    HDV_TO_PLAN, /* by the side that a kerb has, so that a body beyond it is led back; walls across the street lead
-                    nowhere */
+    HDV_TO_PLAN, /* by the side that a kerb has: a body beyond it is led back; walls across lead nowhere */
     HDV_TO_JUDGE /* what is inside and outside alone counts */
 };
 

@@ -17,9 +17,8 @@ HDV_EXPORT void hdv_advance(
     const double *z, double kappa, double *z_next
 );
 
-/* What is steered, the curvature of the lead unit first, then the wheels of axles that the plan steers itself:
- * smoothly, weight (kappa_i - kappa_{i-1})^2 ([GEO] eq. 20), and wheels as wanted; with the limits of all and of their
- * changes. */
+/* What is steered: the lead unit's curvature, smoothly, at (kappa_i - kappa_{i-1})^2 ([GEO] eq. 20), then wheels of
+ * axles that the plan steers itself, as wanted; with all limits. */
 struct hdv_steering {
     int64_t wheels;       /* axles that the plan steers: the last of the vehicle's states */
     const double *aim;    /* (stations, wheels), the wanted angles, left positive [rad] */
@@ -84,8 +83,7 @@ enum { HDV_BETWEEN = 8 };                  /* poses of an interval that are look
 struct hdv_edge {
     double clear; /* its clearance to all kerbs, the wheels' for overhangs too, or a lower bound of it, when seen [m] */
     double gap;   /* a lower bound of its clearance to the kerbs that it must keep [m] */
-    double looked; /* 1 where it was found by looking at the body, 2 where between stations, too; 0 where a bound says
-                      it */
+    double looked; /* 1 where it was found by looking, 2 where between stations, too; 0 where a bound says it */
     double never;  /* 1 while its rows never bind */
     double moved;  /* a bound of how far any point has moved since it was looked at [m] */
 };
