@@ -2,6 +2,7 @@
  * what may be missed between two looks is a small part of the room there. */
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 #include "kinematics.h"
 #include "numbers.h"
@@ -46,14 +47,18 @@ static double touch(const struct judged *on, double s, const double *z, struct h
 static void sweep_interval(
     const struct judged *on, const double *s, const double *z, const double *kappa, struct hdv_touch *touches
 ) {
-    double state[HDV_MOST_STATES], here = s[0], least = touch(on, here, z, touches);
+    int64_t n = on->states;
+    double at[2] = {s[0], s[1]}, states[2 * HDV_MOST_STATES], ahead[HDV_MOST_STATES],
+           least = touch(on, s[0], z, touches);
+    memcpy(states, z, (size_t)(2 * n) * sizeof(double));
     for (;;) {
-        double step = larger(SHORTEST, SHARE * least);
-        if (here + 1.5 * step > s[1]) /* the next pose is looked at itself */
+        double step = larger(SHORTEST, SHARE * least), next = at[0] + step;
+        if (at[0] + 1.5 * step > at[1]) /* the next pose is looked at itself */
             return;
-        here += step;
-        hdv_states_between(on->units, on->count, on->states, on->curve, 2, s, z, kappa, 1, &here, state);
-        least = touch(on, here, state, touches);
+        hdv_states_between(on->units, on->count, n, on->curve, 2, at, states, kappa, 1, &next, ahead);
+        memcpy(states, ahead, (size_t)n * sizeof(double));
+        at[0] = next;
+        least = touch(on, next, ahead, touches);
     }
 }
 
