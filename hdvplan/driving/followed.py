@@ -154,8 +154,8 @@ class _Curve:
                 longest = int(np.argmax(length))
                 gap = f"put its points evenly: most are {usual:.1f} m from the next one, {named(longest)} {length[longest]:.1f} m"
                 raise RoadError(msg, hint=gap if length[longest] > _UNEVEN * usual else hint)
-            msg = f"{where} goes {np.degrees(off[row]):.0f} degrees off its heading"
-            raise RoadError(msg, hint=f"{_HINT}; it does not slip, and goes forwards")
+            msg = f"{where} goes {np.degrees(off[row]):.0f} degrees off its heading, to a point {length[row]:.1f} m on"
+            raise RoadError(msg, hint=f"{_HINT}, heading_deg in degrees; it does not slip, goes forwards, and has a point every 0.5 to 1 m")
         arcs = length / np.sinc(0.5 * turn / np.pi)
         t = np.append(0.0, np.cumsum(arcs))
         position = scipy.interpolate.CubicHermiteSpline(t, points, np.column_stack([np.cos(heading), np.sin(heading)]))

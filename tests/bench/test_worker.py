@@ -193,7 +193,7 @@ def test_solvers_that_no_tolerance_brings_within_the_accuracy_are_named() -> Non
     timing = pd.DataFrame({"limits": ["off", "binding", "binding"], "solver": ["osqp", "osqp", "riccati"], "status": ["ok", WRONG, WRONG]})
     assert untuned(suite, found, timing) == [
         "TUNING MISSED, limits binding: riccati at 0.001; more was measured than was tuned on: measure again with --accuracy 1e-05",
-        "NOT TUNED, limits binding: osqp; no tolerance meets 0.0001 m, or there is none to set",
+        "NOT TUNED, limits binding: osqp; no tolerance meets 0.0001 m, or the solver takes no tolerance",
     ]
     assert untuned(replace(suite, accuracy=None), {}, timing) == []
 

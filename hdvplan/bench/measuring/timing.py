@@ -225,7 +225,7 @@ def untuned(suite: Suite, tolerances: Mapping[str, float | None], timing: pd.Dat
                 "run at their own tolerances, and their accuracies differ"
             )
         elif own := [solver for key, solver in keys.items() if tolerances[key] is None]:
-            found.append(f"NOT TUNED{where}: {', '.join(own)}; no tolerance meets {suite.accuracy:g} m, or there is none to set")
+            found.append(f"NOT TUNED{where}: {', '.join(own)}; no tolerance meets {suite.accuracy:g} m, or the solver takes no tolerance")
     return found
 
 
