@@ -228,16 +228,16 @@ def _face(line: Line, outline: FloatArray, feet: Feet, side: Side, street: Stree
     if around:  # nothing is behind it
         s[-1] = s[0] + path.length
     else:
-        walls = _walls(line, feet, s[[0, -1]], feet.offset[[first, last]], side, street)
+        walls = _walls(line, feet, points[[0, -1]], s[[0, -1]], feet.offset[[first, last]], side, street)
         points, s = np.concatenate([walls[:1], points, walls[1:]]), np.concatenate([s[:1], s, s[-1:]])
     kerb = Kerb(points, s, side is Side.RIGHT, goes_on=around)
     return tuple(within_lap(kerb, path))
 
 
-def _walls(line: Line, feet: Feet, s: FloatArray, ends: FloatArray, side: Side, street: Street | None) -> FloatArray:
-    """Return how far across the line the walls go that begin at the ends of a face, at arclengths s (2,) and offsets: points (2, 2) [m].
+def _walls(line: Line, feet: Feet, points: FloatArray, s: FloatArray, ends: FloatArray, side: Side, street: Street | None) -> FloatArray:
+    """Return how far across the line the walls go that begin at the ends of a face, ``points`` (2, 2) at s (2,) and offsets: (2, 2) [m].
 
-    They end at the kerb, or where all of the polygon is before them, and before the normals meet.
+    They end at the kerb, or where all of the polygon is before them, and before the normals meet: a face that ends beyond that has none.
     """
     sign = 1.0 if side is Side.LEFT else -1.0
     offset = np.full(2, float(np.min(sign * feet.offset)) - _BEHIND_M)
@@ -245,8 +245,9 @@ def _walls(line: Line, feet: Feet, s: FloatArray, ends: FloatArray, side: Side, 
         if kerb.left is (side is Side.RIGHT) and not kerb.wheels:
             offset = np.fmax(offset, sign * offsets_of(line.longer, kerb, s))
     offset = sign * np.minimum(offset, sign * ends - _WALL_M)
-    bend = np.maximum(np.sign(offset) * line.longer.at(s).curvature, 1e-9)
-    return np.stack(line.longer.to_plane(s, np.sign(offset) * np.minimum(np.abs(offset), _FOLD / bend)), axis=1)
+    reach = _FOLD / np.maximum(np.sign(offset) * line.longer.at(s).curvature, 1e-9)
+    across = np.stack(line.longer.to_plane(s, np.sign(offset) * np.minimum(np.abs(offset), reach)), axis=1)
+    return np.where((reach > np.abs(ends))[:, None], across, points)
 
 
 def without_walls(face: Kerb) -> Kerb:
@@ -259,11 +260,11 @@ def without_walls(face: Kerb) -> Kerb:
 
 def _room(polygon: shapely.Polygon, line: shapely.LineString, street: Street | None, side: Side, stretch: tuple[float, float]) -> float:
     """Return the distance from a polygon to the kerbs on one side of it, 0 where it meets one or lies beyond it [m]."""
-    kerbs = () if street is None else street.beside(stretch[0] - _SAMPLES_M, stretch[1] + _SAMPLES_M)
+    way = shapely.shortest_line(line, polygon)
+    reach = way.length + _SAMPLES_M  # a kerb inside a corner lies beside other stretches, too
+    kerbs = street.beside(stretch[0] - reach, stretch[1] + reach) if street else ()
     lines = [shapely.LineString(kerb.points) for kerb in kerbs if kerb.left is (side is Side.LEFT) and not kerb.wheels]
-    if np.any(shapely.intersects(shapely.shortest_line(line, polygon), lines)):
-        return 0.0
-    return float(np.min(shapely.distance(polygon, lines), initial=np.inf))
+    return 0.0 if np.any(shapely.intersects(way, lines)) else float(np.min(shapely.distance(polygon, lines), initial=np.inf))
 
 
 def _usual(low: float, high: float, rooms: Mapping[Side, float], *, on_line: bool) -> Side:

@@ -79,6 +79,10 @@ class Street:
         pieces["wall"] &= self._across(pieces)
         pieces["s_low"] -= further
         pieces["s_high"] += further
+        order = np.argsort(pieces["kerb"], kind="stable")
+        for own in np.split(order, np.flatnonzero(np.diff(pieces["kerb"][order])) + 1):  # who sees a piece sees those before it, too
+            pieces["s_low"][own] = np.minimum.accumulate(pieces["s_low"][own][::-1])[::-1]
+            pieces["s_high"][own] = np.maximum.accumulate(pieces["s_high"][own])
         return laid_out(pieces, end)
 
     def _across(self, pieces: Records) -> BoolArray:

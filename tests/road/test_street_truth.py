@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import scipy
 import shapely
+import shapely.affinity
 from ezdxf.filemanagement import new
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
@@ -32,6 +33,7 @@ from hdvplan.road.road import Road
 from hdvplan.road.street import Street, look
 from hdvplan.vehicle.kinematics import axles_behind, place_many
 from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Vehicle
 from tests.nightly import nightly
 
 CITARO, BUS = load_vehicle("citaro"), load_vehicle("bus")
@@ -456,6 +458,57 @@ def test_points_beside_each_other_that_unions_and_surveys_leave_turn_no_kerb(
     torn = tuple(np.repeat(edge, again, axis=0) + jitter.uniform(-apart, apart, (again * len(edge), 2)) for edge in clean)
     spare = [verdict(road_of(RawRoad(points=CORNER, edges=edges))).spare for edges in (clean, torn)]
     assert spare[1] == pytest.approx(spare[0], abs=SAME_M if half_width < 3.3 else 0.002 + apart)  # what lacks is a local optimum's
+
+
+SEMITRAILER = load_vehicle("tractor-semitrailer")
+AROUND = np.array([[0.0, 0.0], [70.0, 0.0], [70.0, -70.0]])
+HOUSE = [[40.0, -8.0], [40.0, -30.0], [61.0, -30.0], [61.0, -8.0]]  # 2.8 m behind the kerb inside the corner
+SHARP = np.array([[0.0, 0.0], [58.39, 0.0], [65.86, -67.1]])
+SHED = [[40.5, -13.61], [40.89, -15.76], [50.46, -14.02], [50.07, -11.88]]  # 5.2 m behind it
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "line", "half_width", "radius", "house"),
+    [(SEMITRAILER, AROUND, 5.0, 10.0, HOUSE), (SEMITRAILER, AROUND, 5.0, 0.0, HOUSE), (CITARO, SHARP, 3.6, 12.0, SHED)],
+)
+def test_a_house_behind_the_kerb_inside_a_corner_changes_nothing(
+    vehicle: Vehicle, line: FloatArray, half_width: float, radius: float, house: list[list[float]]
+) -> None:
+    assert_what_is_behind_a_kerb_changes_nothing(vehicle, line, half_width, radius, shapely.Polygon(house))
+
+
+def assert_what_is_behind_a_kerb_changes_nothing(
+    vehicle: Vehicle, line: FloatArray, half_width: float, radius: float, house: shapely.Polygon
+) -> None:
+    without = RawRoad(line, np.full((4, len(line)), half_width), corner_radius=radius)
+    alone, beside = (
+        verdict_of(api.plan(Case(road_of(raw), vehicle))) for raw in (without, replace(without, regions=(Region(Kind.OBSTACLE, house),)))
+    )
+    assert beside.word == alone.word
+    assert beside.spare == pytest.approx(alone.spare, abs=SAME_M if (alone.spare or 0.0) > -0.5 else 0.1)  # metres: other local optima
+
+
+@pytest.mark.slow
+@given(
+    line=streets(), half_width=st.floats(3.5, 6.0), radius=st.sampled_from([0.0, 8.0, 12.0]), behind=st.floats(0.2, 8.0),
+    turned=st.floats(0.0, 360.0), sides=st.tuples(st.floats(1.0, 20.0), st.floats(1.0, 20.0)),
+)  # fmt: skip
+@few
+def test_no_random_house_behind_a_kerb_changes_anything(
+    line: FloatArray, half_width: float, radius: float, behind: float, turned: float, sides: tuple[float, float]
+) -> None:
+    kerbs = road_of(RawRoad(line, np.full((4, len(line)), half_width), corner_radius=radius)).kerbs
+    assert kerbs is not None
+    left, right = (next(kerb.points for kerb in kerbs.kerbs if kerb.left is own) for own in (True, False))
+    street = shapely.Polygon(ring_of((left, right))).buffer(behind)
+    x, y = line[1]
+    house = shapely.affinity.rotate(shapely.box(x, y, x + sides[0], y + sides[1]), turned, origin=(x, y))
+    away = np.array([math.cos(math.radians(turned + 45.0)), math.sin(math.radians(turned + 45.0))])
+    moved = (shapely.affinity.translate(house, *(step * away)) for step in np.arange(0.0, 40.0, 0.25))
+    off = next((own for own in moved if not own.intersects(street)), None)
+    assume(off is not None)
+    assert off is not None
+    assert_what_is_behind_a_kerb_changes_nothing(CITARO, line, half_width, radius, off)
 
 
 def test_a_wall_as_thin_as_a_piece_that_is_left_out_stays() -> None:
