@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from math import prod
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated
 
 from hdvplan.errors import OptionError
@@ -70,7 +71,7 @@ def cell_words(parts: Sequence[str], between: str = " ") -> str:
 
 @dataclass(frozen=True)
 class Suite:
-    """A benchmark's definition. Lengths in metres; roads and vehicles by name or file.
+    """A benchmark's definition. Lengths in metres; roads and vehicles by name or file: ``files`` has those that lie elsewhere.
 
     Limits lie at ``half_width``; without it ``slack`` beyond the geometric half width of each vehicle on each road, so
     that their rows are in the QP and rarely bind. ``pinch`` moves the outer limit of the tightest bend inwards. ``classes`` of limits
@@ -129,6 +130,7 @@ class Suite:
     memory_limit: Annotated[
         float | None, Setting("Most memory of the measuring process, where the system can limit it.", "GB", above=0.0)
     ] = None
+    files: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be measured."""
@@ -177,9 +179,14 @@ class Suite:
             for scheme, solver in product(schemes, self.solvers)
         ]
 
+    def file(self, name: str) -> Path | None:
+        """Return the file that a road or vehicle of the suite names; None where it is shipped."""
+        path = Path(self.files.get(name, name))
+        return path if path.is_file() else None
+
     def to_dict(self) -> dict[str, object]:
-        """Return the suite as it is written into ``run.json`` and read from TOML."""
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+        """Return the suite as it is written into ``run.json`` and read from TOML; where its files lie depends on who runs it."""
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items() if name != "files"}
 
 
 def visits(courses: int, cells: int, rounds: int) -> list[tuple[int, int]]:
@@ -198,8 +205,8 @@ def visits(courses: int, cells: int, rounds: int) -> list[tuple[int, int]]:
     return order
 
 
-def read_suite(path: Path) -> dict[str, object]:
-    """Return the entries of a suite's TOML file; files of roads and vehicles that lie beside it with their paths.
+def read_suite(path: Path | None, given: Mapping[str, object] = MappingProxyType({})) -> dict[str, object]:
+    """Return the entries of a suite's TOML file, and the ``files`` beside it that these name; those that are ``given`` replace its own.
 
     Raises:
         OptionError: no such file, or not TOML.
@@ -207,11 +214,12 @@ def read_suite(path: Path) -> dict[str, object]:
     """
     from hdvplan.schema import read_toml  # noqa: PLC0415 - as above
 
-    entries = dict(read_toml(path, "suite"))
-    for key in ("roads", "vehicles"):
-        if isinstance(names := entries.get(key), list):
-            entries[key] = [str(path.parent / one) if isinstance(one, str) and (path.parent / one).is_file() else one for one in names]
-    return entries
+    if path is None:
+        return dict(given)
+    entries = read_toml(path, "suite")
+    lists = [names for key in ("roads", "vehicles") if key not in given and isinstance(names := entries.get(key), list)]
+    beside = {name: path.parent / name for names in lists for name in names if isinstance(name, str)}
+    return {"files": {name: str(file) for name, file in beside.items() if file.is_file()}, **entries, **given}
 
 
 def suite_of(entries: Mapping[str, object]) -> Suite:

@@ -70,8 +70,7 @@ def bench(
     if options.against is not None:
         with told_to_programs(report):
             return gate(options.against, measured(given, options), out, decision, report, strict=options.strict)
-    entries = read_suite(options.suite) if options.suite else {}
-    wanted = suite_of(entries | given)
+    wanted = suite_of(read_suite(options.suite, given))
     check_objective(wanted.objective)
     for name in wanted.solvers:
         check_solver(name)  # what is wrong with names is said before more is loaded

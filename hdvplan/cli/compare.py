@@ -139,7 +139,7 @@ def measured(given: Mapping[str, object], options: BenchOptions) -> Suite | Comm
             msg = "--command measures your own command: a suite and its options do not apply"
             raise OptionError(msg, hint="leave them out")
         return CommandWork(command_words(options.command), tuple(options.extras.split(",")) if options.extras else ())
-    wanted = suite_of(dict(SUITE) | (read_suite(options.suite) if options.suite else {}) | dict(given))
+    wanted = suite_of(dict(SUITE) | read_suite(options.suite, given))
     for name in wanted.solvers:
         if not is_reference(name):  # each program has its own of these
             check_solver(name)

@@ -364,3 +364,17 @@ def test_exported_programs_are_counted_and_a_drive_that_ended_early_is_told(
     told = f"warning: {drive['name']} ended early, after {count} QPs: {ended}\n" if code else ""
     assert (outcome.code, outcome.err) == (code, f"wrote qps/, QPs: {count}, drives: 1\n{told}")
     assert (ended is not None) == bool(code) == (count < 2)
+
+
+def test_counters_do_not_depend_on_where_a_benchmark_starts(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "ci"
+    folder.mkdir()
+    monkeypatch.chdir(tmp_path)
+    (folder / "depot.csv").write_text("x,y\n" + "".join(f"{x},0\n" for x in range(0, 41, 4)), encoding="utf-8")
+    entries = 'roads = ["depot.csv"]\nvehicles = ["bus"]\nschemes = ["rti"]\nsolvers = ["riccati"]\nrounds = 1\nhorizon = 20\n'
+    (folder / "gate.toml").write_text(entries, encoding="utf-8")
+    options = ("--in-process", "--quiet", "--out", str(tmp_path / "out"), "--counters", str(tmp_path / "kept.csv"))
+    assert cli("bench", "--suite", "ci/gate.toml", *options, "--renew").code == 0
+    monkeypatch.chdir(folder)
+    again = cli("bench", "--suite", "gate.toml", *options)  # it is the same run, which is there already
+    assert (again.code, again.out) == (0, "fine: no counter changed\n")

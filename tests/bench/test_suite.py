@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from hdvplan.bench.comparing.work import placed
 from hdvplan.bench.suite import Suite, read_suite, suite_of, visits
 from hdvplan.errors import OptionError, SolverError
 from hdvplan.planning.objectives import OBJECTIVES
@@ -73,4 +74,10 @@ def test_files_of_a_suite_lie_beside_it_or_in_the_working_directory(tmp_path: Pa
     (tmp_path / "here.geojson").touch()
     (folder / "suite.toml").write_text('roads = ["own.geojson", "here.geojson", "uturn"]\n', encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    assert read_suite(folder / "suite.toml")["roads"] == [str(folder / "own.geojson"), "here.geojson", "uturn"]
+    suite = suite_of(read_suite(folder / "suite.toml"))
+    assert suite.roads == ("own.geojson", "here.geojson", "uturn")  # the names of cells, from wherever it is read
+    assert [suite.file(road) for road in suite.roads] == [folder / "own.geojson", Path("here.geojson"), None]
+    assert "files" not in suite.to_dict()  # they differ by the folder in which a benchmark starts
+    assert placed(suite).roads == (str(folder / "own.geojson"), str(tmp_path / "here.geojson"), "uturn")
+    (tmp_path / "own.geojson").touch()
+    assert suite_of(read_suite(folder / "suite.toml", {"roads": ["own.geojson"]})).file("own.geojson") == Path("own.geojson")

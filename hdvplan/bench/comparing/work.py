@@ -6,7 +6,7 @@ import json
 import os
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Protocol
 
@@ -215,18 +215,14 @@ def suite_text(entries: Mapping[str, object]) -> str:
 
 def has_files(suite: Suite) -> bool:
     """Return whether any road or vehicle of a suite is a file."""
-    return any(Path(entry).is_file() for name in _FILES for entry in getattr(suite, name))
+    return any(map(suite.file, (*suite.roads, *suite.vehicles)))
 
 
 def placed(suite: Suite) -> Suite:
     """Return a suite whose road and vehicle files have absolute paths: both programs read the same, wherever they run."""
-    changed = {
-        name: tuple(str(Path(entry).absolute()) if Path(entry).is_file() else entry for entry in getattr(suite, name)) for name in _FILES
-    }
-    return Suite(**{field.name: getattr(suite, field.name) for field in fields(Suite)} | changed)
-
-
-_FILES = ("roads", "vehicles")
+    named = (suite.roads, suite.vehicles)
+    roads, vehicles = (tuple(str(file.absolute()) if (file := suite.file(one)) else one for one in names) for names in named)
+    return replace(suite, roads=roads, vehicles=vehicles, files={})
 
 
 def refuse_nothing(here: Checkout, suite: Suite) -> None:

@@ -33,9 +33,10 @@ def cases_of(suite: Suite) -> list[Case]:
         VehicleError: a vehicle that cannot be read.
 
     """
-    vehicles = {name: load_vehicle(name) for name in suite.vehicles}
+    vehicles = {name: load_vehicle(suite.file(name) or name) for name in suite.vehicles}
     reading = RoadOptions(road_ids=suite.road_ids)
-    found = {name: find_road(name, reading) for name in suite.roads}  # what the files have wrong is said before any of them is smoothed
+    # what the files have wrong is said before any of them is smoothed
+    found = {name: find_road(suite.file(name) or name, reading) for name in suite.roads}
     roads = {name: make() for name, make in found.items()}
     limited = {
         (road, vehicle, limits): with_limits(roads[road], vehicles[vehicle], suite, limits) for road, vehicle, limits in suite.courses()

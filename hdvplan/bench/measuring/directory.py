@@ -196,8 +196,7 @@ def _remove_parts(directory: Path) -> None:
 
 
 def _conditions(suite: Suite) -> Json:
-    files = [Path(name) for name in (*suite.roads, *suite.vehicles) if Path(name).is_file()]
-    digests = {str(path): digest_of(path) for path in files}
+    digests = {name: digest_of(path) for name in (*suite.roads, *suite.vehicles) if (path := suite.file(name))}
     return {"settings": suite.to_dict(), "files": digests, "software": software(suite.solvers), "machine": machine_facts()}
 
 
