@@ -15,7 +15,7 @@ from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, machine_facts, software
 from hdvplan.record import command, now
-from hdvplan.study.cells import Cell, cells_of
+from hdvplan.study.cells import CONDITIONS, Cell, cells_of
 from hdvplan.study.engine import PLANNED, REFUSED, UNANSWERED, Engine
 from hdvplan.study.pools import LocalEngine
 from hdvplan.study.spec import Study, read_study, study_of
@@ -50,9 +50,22 @@ class Results:
         return Counter((str(outcome), str(reason)) for outcome, reason in both if outcome in (REFUSED, *UNANSWERED))
 
     def unfit(self) -> list[str]:
-        """Return a line for each cell whose vehicle does not fit: road, vehicle, and the verdict or why there is no plan."""
-        rows = _rows(self.folder / CELLS, "word", "road", "vehicle", "verdict", "reason")
-        return [f"{road}, {vehicle}: {verdict or reason}" for word, road, vehicle, verdict, reason in rows if word == NO]
+        """Return a line for each cell whose vehicle does not fit: road, vehicle, what varies, and the verdict or why there is no plan."""
+        import pyarrow.parquet as pq  # noqa: PLC0415 - slow to load
+
+        cells = self.folder / CELLS
+        names = pq.read_schema(cells).names
+        known = [*names[names.index("vehicle") + 1 : names.index("outcome")], *(column.name for column in CONDITIONS)]
+        columns: dict[tuple[object, ...], str] = {}  # once each: a half width is also that to the left and to the right
+        for name, values in zip(known, zip(*_rows(cells, *known), strict=True), strict=True):
+            columns.setdefault(values, name)
+        vary = [name for values, name in columns.items() if len(set(values)) > 1]
+        found = []
+        for word, verdict, reason, road, vehicle, *own in _rows(cells, "word", "verdict", "reason", "road", "vehicle", *vary):
+            if word == NO:
+                told = [f"{name} {value}" for name, value in zip(vary, own, strict=True) if value is not None]
+                found.append(f"{', '.join([road, vehicle, *told])}: {verdict or reason}")
+        return found
 
     def notes(self) -> Counter[str]:
         """Return what was noted of roads, each with its number of cells: layers that are not read, kerbs that are bridged."""
