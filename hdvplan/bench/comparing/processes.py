@@ -23,7 +23,7 @@ from hdvplan.process import undisturbed
 
 _IMPORTED = "import time:"  # of -X importtime
 _STDERR, _SPENT, _STDOUT = "stderr", "spent.json", "stdout"
-_LONGEST_WORDS, _TAIL_LINES = 300, 20
+_LONGEST_WORDS, _LONGEST_LINE, _TAIL_LINES = 300, 200, 20
 _GO = b"!"
 _LOOK_S = 0.2  # how often it is looked whether a process has ended whose children still have the descriptor
 _TRIES, _PAUSE_S = 50, 0.05
@@ -74,8 +74,9 @@ class Ended:
 
     @property
     def tail(self) -> str:
-        """The end of stdout and of stderr, as long as a traceback."""
-        return "\n".join("\n".join(text.strip().splitlines()[-_TAIL_LINES:]) for text in (self.stdout, self.stderr)).strip()
+        """The end of stdout and of stderr, as long as a traceback; of lines that may be kilobytes of numbers what they begin with."""
+        lines = [line for text in (self.stdout, self.stderr) for line in text.strip().splitlines()[-_TAIL_LINES:]]
+        return "\n".join(line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]} ..." for line in lines)
 
 
 @dataclass(frozen=True)

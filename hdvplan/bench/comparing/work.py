@@ -86,7 +86,7 @@ class CommandWork:
         except (ValueError, IndexError, RecursionError) as error:
             reason = str(error) if lines and lines[-1].lstrip().startswith("{") else f"its last line is {(lines or ['nothing'])[-1][:80]!r}"
             msg = f"{self.words[0]} prints no planning times: {reason}"
-            raise ProgramError(msg, tail="\n".join(lines[-5:]), hint=_HINT) from error
+            raise ProgramError(msg, tail=ended.tail, hint=_HINT) from error
         out.mkdir(parents=True, exist_ok=True)
         write_atomically(out / STEPS, json_bytes(report))
         (out / _WRITTEN).unlink(missing_ok=True)
