@@ -44,12 +44,12 @@ class OptionsOf:
         return {name: self._parameter(one) for name, one in fields.items()}
 
     def _parameter(self, field: Field) -> inspect.Parameter:
-        kind, many = _typed(field)
+        (kind, many), least = _typed(field), field.setting.least
         default = None if self.given or many else field.default
         shown = typer.Option(
             *field.options,
             metavar=field.setting.metavar or "|".join(field.choices) or None,
-            help=self.words.get(field.name, field.setting.words),
+            help=self.words.get(field.name, field.setting.words) + (f" At least {least:g}." if least > 0.0 else ""),
             autocompletion=completion.one_of(field.choices) if field.choices else _COMPLETED.get(field.name),
             rich_help_panel=self.groups.get(field.name, self.group),
         )

@@ -30,6 +30,10 @@ def test_help_fits_the_terminal_and_ends_no_line_in_blanks(cli: Cli, monkeypatch
     assert "\x1b" not in outcome.out
 
 
+def test_help_says_the_least_that_an_option_takes(cli: Cli) -> None:
+    assert "at the motion; it begins with one. At least 3." in " ".join(cli("export-c", "--help").out.split())
+
+
 @pytest.mark.parametrize(
     ("command", "groups"),
     [
