@@ -19,7 +19,7 @@ from hdvplan.road.features import AREAS, LINES, POINTS, Beside, Feature, coordin
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import RoadOptions, Role, unheeded
 from hdvplan.road.properties import legs_among, with_properties
-from hdvplan.road.regions import EDGE, Kind, Region, is_island, walls_of, without_spurs
+from hdvplan.road.regions import EDGE, Kind, Region, is_island, joined, snapped, walls_of, without_spurs
 from hdvplan.texts import counted, printable, some_of
 
 _SNAP_M = 0.01
@@ -76,8 +76,9 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
     whole = unit.metres * everything if plane is None else plane.points
     placed = np.split(whole, np.cumsum([len(part) for part in parts])[:-1])
     beside = Beside(name, system, plane, options, tuple(line.feature.geometry for line in chosen), unit.metres)
-    sides = [(*beside.edges(feature), label_of(feature)) for feature in features]
-    edges = [(*without_spurs(edge), label) for own, _, label in sides for edge in own]
+    sides = [(*beside.edges(feature), label_of(feature), feature.layer) for feature in features]
+    pieces = [(edge, label, layer) for own, _, label, layer in sides for edge in own]
+    edges = [(*without_spurs(edge), label) for edge, label, _ in (pieces if legs else joined(pieces))]
     if system is None:
         refuse_no_street(placed, None, [edge for edge, _, _ in edges], unit, name)
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)
@@ -88,7 +89,7 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
         if is_island(edge, [other for other, _, _ in others], drawn[0].points):
             edges = others
             regions.append(Region(Kind.OBSTACLE, shapely.Polygon(edge), label or EDGE))
-    regions += [Region(Kind.OBSTACLE, shapely.Polygon(hole), label) for _, holes, label in sides for hole in holes]
+    regions += [Region(Kind.OBSTACLE, shapely.Polygon(hole), label) for _, holes, label, _ in sides for hole in holes]
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
     walls, told = _walls(features, beside, name)
@@ -259,11 +260,7 @@ def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray
     if len(parts) > _MOST_PARTS:
         msg = f"{name}: the line has {len(parts)} parts out of order; at most {_MOST_PARTS} are joined"
         raise RoadError(msg, hint="is it a network? give its lines as features of their own, and choose one with --id")
-    ends = np.array([point for part in parts for point in (part[0], part[-1])])
-    for i, part in enumerate(parts):
-        for row in (0, -1):
-            near = int(np.argmax(np.hypot(*(ends - part[row]).T) <= _SNAP_M))
-            parts[i][row] = ends[near]
+    parts = snapped(parts, _SNAP_M)
     merged = shapely.line_merge(shapely.MultiLineString(parts), directed=directed)
     if isinstance(merged, shapely.LineString):
         start, end = (merged.project(shapely.Point(parts[0][row])) for row in (0, -1))

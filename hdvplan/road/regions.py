@@ -19,6 +19,7 @@ OPEN_M = 20.0  # room to either side of a road that has obstacles but no widths;
 OPEN_SPACING_M = 0.5
 EDGE = "edge"  # what one without a name is called
 _EDGES = (EDGE, "kerb", "curb")  # words in the names of what is one
+_MEET_M = 1e-3  # ends of drawn pieces this close are one place
 SPUR_M = 0.01  # as thick is a wall that is drawn without any width
 _ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
 
@@ -156,3 +157,30 @@ def without_spurs(edge: FloatArray) -> tuple[FloatArray, list[shapely.Polygon]]:
         return edge, []
     walls = shapely.difference(shapely.union_all(shapely.linestrings(spurs)), shapely.buffer(shapely.LineString(points), SPUR_M))
     return points, polygons_of(shapely.buffer(shapely.line_merge(walls), 0.5 * SPUR_M, cap_style="flat", join_style="mitre"))
+
+
+def snapped(lines: list[FloatArray], within: float) -> list[FloatArray]:
+    """Return lines (n, 2) [m] whose ends are moved to the first of all ends that is ``within`` so many metres of them."""
+    ends = np.array([point for line in lines for point in (line[0], line[-1])])
+    places = [shapely.Point(end) for end in ends]
+    own, near = shapely.STRtree(places).query(places, predicate="dwithin", distance=within)
+    first = np.full(len(ends), len(ends))
+    np.minimum.at(first, own, near)
+    moved = ends[first].reshape(-1, 2, 2)
+    return [np.concatenate([begin, line[1:-1], end]) for line, (begin, end) in zip(lines, moved[:, :, None], strict=True)]
+
+
+def joined(edges: list[tuple[FloatArray, str, str]]) -> list[tuple[FloatArray, str, str]]:
+    """Return edges, (n, 2) [m] with name and layer, in which those of a layer that meet end to end, two at a place, are one line.
+
+    In which order and direction they are drawn does not count, nor that one is drawn twice. A line has the name of a piece at its end.
+    """
+    found = [edge for edge in edges if not np.any(edge[0][0] != edge[0][-1])]  # closed, or a point
+    for layer in dict.fromkeys(layer for _, _, layer in edges):
+        own = [edge for edge in edges if edge[2] == layer and np.any(edge[0][0] != edge[0][-1])]
+        lines = snapped([line for line, _, _ in own], _MEET_M) if own else []
+        pieces = dict.fromkeys(shapely.get_parts(shapely.normalize(shapely.MultiLineString(lines))))
+        merged = [np.array(line.coords) for line in shapely.get_parts(shapely.line_merge(shapely.MultiLineString(list(pieces))))]
+        names = {tuple(line[row]): name for line, (_, name, _) in zip(lines, own, strict=True) for row in (0, -1)}
+        found += own if len(merged) == len(own) else [(line, names[tuple(line[0])], layer) for line in merged]
+    return found

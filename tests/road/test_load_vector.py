@@ -271,6 +271,23 @@ def test_a_closed_kerb_on_the_line_between_others_is_an_island(
     assert len(raw.edges) == 3 - island
 
 
+@pytest.mark.parametrize("order", [[0, 1, 2, 3, 4], [1, 3, 0, 2, 4], [4, 2, 0, 3, 1]])
+@pytest.mark.parametrize("turned", [0, 2])
+def test_a_kerb_is_the_same_in_whatever_order_and_direction_its_pieces_are_drawn(tmp_path: Path, order: list[int], turned: int) -> None:
+    kerb = [(0.0, 3.0), (30.0, 3.0), (30.0, 1.0), (35.0, 1.0), (35.0, 3.0), (100.0, 3.0)]
+    pieces = [shapely.LineString(kerb[at : at + 2]) for at in order]
+    pieces[turned] = pieces[turned].reverse()
+    pieces[4] = shapely.affinity.translate(pieces[4], 4e-4)  # as exact as drawings are
+    line, other = (shapely.LineString([(0.0, y), (100.0, y)]) for y in (0.0, 3.0))  # another layer's ends are at the kerb's
+    shapes = [line, *pieces, pieces[1], other]  # one is drawn twice
+    drawing = write(tmp_path / "a.dxf", shapes, crs=None, Layer=["ROAD", *["KERB"] * 6, "WALL"])
+    found = find_road(drawing, RoadOptions(layer="ROAD", roles=("WALL=edge",))).line
+    assert found is not None
+    assert sorted(found.raw.edge_names) == ["KERB", "WALL"]
+    own = shapely.LineString(found.raw.edges[found.raw.edge_names.index("KERB")])
+    assert own.normalize().equals_exact(shapely.LineString(kerb).normalize(), tolerance=1e-3)
+
+
 def test_an_area_that_may_be_swept_needs_an_outline(tmp_path: Path) -> None:
     for name, rows in (("lines", (0, 1, 2, 3, 4)), ("open", (0, 3))):
         lines = outline(*rows)
