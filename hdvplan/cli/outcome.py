@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.answers import NO, without_word
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
+from hdvplan.errors import RoadError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -200,13 +202,13 @@ def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
     met = next((region.plan for region in result.drive.road.regions if region.plan), None)
     apart = f"the plan in {met} takes its share: --meeting FROM:TO lets the two meet elsewhere"
     if breach is not None and (hit is None or breach.depth >= -hit.distance):
-        half, _ = half_width_of(result.drive, result.envelope.s, verdict.half_width)
+        swept = ""  # of a line that goes back and forth no half width is found
+        with suppress(RoadError):
+            half, _ = half_width_of(result.drive, result.envelope.s, verdict.half_width)
+            swept = f"this {what} sweeps a half width of {half:.2f} m about the line as given; "
         report_error(
             breach_text(result, breach),
-            apart
-            if met is not None
-            else f"this {what} sweeps a half width of {half:.2f} m about the line as given; "
-            "`hdvplan need ROAD --vehicle NAME` finds the least room that a plan needs",
+            apart if met is not None else f"{swept}`hdvplan need ROAD --vehicle NAME` finds the least room that a plan needs",
         )
     elif hit is not None:
         report_error(

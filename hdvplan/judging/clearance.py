@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from hdvplan import core
 from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.driving.drive import Drive, simulate
+from hdvplan.errors import RoadError
 from hdvplan.judging.bodies import corners, judged_to, part_named, placed
+from hdvplan.road.limits import WIDEST_M
 from hdvplan.road.passages import furthest, normals
 from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.pieces import Pieces
@@ -71,8 +73,15 @@ def half_width_of(drive: Drive, s: FloatArray, half: float) -> tuple[float, Touc
     """Return the least half width [m] about the line as given whose kerbs a drive keeps on the road, to 1 mm, and its contacts with them.
 
     ``half`` is that about the driven line, where the search begins. Kerbs that move in come nearer by as much, at corners by more or less.
+
+    Raises:
+        RoadError: none is found, as the line as given goes back and forth.
+
     """
     for _ in range(_ROUNDS):
+        if half > WIDEST_M:
+            msg = f"no half width about the line as given is found, up to {WIDEST_M:g} m, that holds what is swept"
+            raise RoadError(msg, hint="do its points go back and forth, as a GPS receiver's that stands? take those out")
         touches = touches_of(replace(drive, road=replace(drive.road, regions=()).with_limits(half, half)), s)
         for touch in touches.values():
             touch["gap"][(touch["s"] < 0.0) | (touch["s"] > drive.road.path.length)] = np.inf

@@ -11,9 +11,11 @@ import pytest
 from hdvplan.answers import NO, YES, room_text, worded
 from hdvplan.case import Case
 from hdvplan.errors import PlanError, SolverError
+from hdvplan.judging import clearance
 from hdvplan.planning.bias import Bias
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.report.compared import answer_texts
+from hdvplan.road import limits
 from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.vehicle.load import load_vehicle
@@ -113,6 +115,21 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
     assert outcome.out.splitlines()[0] == verdict["text"]
     assert verdict["text"].startswith(worded(NO, f"{room_text(verdict['spare_m'], fits=False)} at s = {verdict['s_m']:.1f} m, "))
     assert (verdict["fits"], -verdict["spare_m"]) == (False, deepest["depth_m"])
+
+
+def test_a_verdict_stands_where_no_half_width_about_a_line_that_goes_back_and_forth_is_found(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for module in (limits, clearance):  # as of a line of which none is found up to 250 m
+        monkeypatch.setattr(module, "WIDEST_M", 3.25, raising=False)
+    options = ("--vehicle", "tractor-trailer-24m", "--no-plot", "--no-proof", "--horizon", "60", "--no-refine")
+    broken = cli("plan", "uturn", *options, "--half-width", "3.2")
+    assert (broken.code, broken.out[:3]) == (1, f"{NO}:")
+    assert broken.err.splitlines()[-1].startswith("hint: `hdvplan need")
+    bend = written(tmp_path, line_feature(np.array([(0.0, 0.0), (30.0, 0.0), (45.0, 15.0), (45.0, 45.0)])))
+    without = cli("plan", str(bend), *options)
+    assert (without.code, without.out) == (2, "")
+    assert "no half width about the line as given is found" in without.err
 
 
 def test_a_clearance_that_is_not_kept_ends_in_1_although_no_limit_is_broken(cli: Cli, tmp_path: Path, short_road: str) -> None:
