@@ -180,7 +180,9 @@ def _usage(error: Exception) -> tuple[str, str]:
         known = [name for parameter in context.command.params for name in parameter.opts if name.startswith("--")]
         return f"no such option: {option}", did_you_mean(option, known, where)
     text = " ".join(message.split()).rstrip(".")
-    return text[:1].lower() + text[1:], where  # as hdvplan's own messages
+    comma = re.search(r"'(-?\d+),(\d+)'", f"{message} {error.__cause__}") if re.search("number|float", message) else None
+    hint = f"did you mean '{comma[1]}.{comma[2]}'?" if comma else where
+    return text[:1].lower() + text[1:], hint  # as hdvplan's own messages
 
 
 @contextmanager

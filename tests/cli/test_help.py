@@ -93,6 +93,15 @@ def test_a_misspelt_command_or_option_comes_with_what_it_may_have_meant(
     assert outcome.err == f"error: {error}\nhint: {hint}\n"
 
 
+def test_a_number_with_a_comma_comes_with_that_with_a_point(cli: Cli) -> None:
+    outcome = cli("plan", "uturn", "--half-width", "3,25")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: invalid value for '--half-width': ")
+    assert outcome.err.endswith("hint: did you mean '3.25'?\n")
+    assert "--help" in cli("plan", "uturn", "--max-plans", "3,25").err
+    assert "--help" in cli("plan", "uturn", "--half-width", "wide").err
+
+
 def test_arguments_are_shown_by_their_names(cli: Cli) -> None:
     text = cli("plan", "--help").out
     assert text.startswith("Usage: hdvplan plan [OPTIONS] ROAD\n")
