@@ -477,6 +477,17 @@ def test_a_house_behind_the_kerb_inside_a_corner_changes_nothing(
     assert_what_is_behind_a_kerb_changes_nothing(vehicle, line, half_width, radius, shapely.Polygon(house))
 
 
+def test_a_house_deep_inside_a_bend_closes_nothing() -> None:
+    path = from_curvature(
+        *np.array(
+            [[0, 0], [20, 0], [28, -0.055], [59.5, -0.055], [67.5, 0], [86.6, 0], [94.6, -0.078], [109.6, -0.078], [117.6, 0], [155.6, 0]]
+        ).T
+    )
+    at = path.at(np.arange(0.0, path.length, 2.0))
+    house = shapely.Polygon([[18.43, -44.11], [10.69, -41.46], [9.87, -43.85], [17.61, -46.5]])  # beyond where normals of the line meet
+    assert_what_is_behind_a_kerb_changes_nothing(CITARO, np.stack([at.x, at.y], axis=1), 5.64, 0.0, house)
+
+
 def assert_what_is_behind_a_kerb_changes_nothing(
     vehicle: Vehicle, line: FloatArray, half_width: float, radius: float, house: shapely.Polygon
 ) -> None:
