@@ -104,8 +104,8 @@ def run(
     """Plan and judge all cells of a study that ``out`` does not hold yet, and write its tables, its ranking and its map there.
 
     ``study`` is a TOML file, its entries, or a ``Study``; without an ``engine`` it runs in processes on this machine. ``on_progress``
-    receives the number of cells that have ended, and of all. Whatever interrupts the run: the cells that ended are kept. Damaged files
-    of kept cells are moved aside and their cells planned again; ``on_damage`` receives a line about each.
+    receives the number of cells that have ended, and of all. Whatever interrupts the run: the cells that ended are kept. Where
+    what is kept is damaged its cells are planned again, and ``on_damage`` receives a line; see ``Store``.
 
     Raises:
         HdvplanError: a definition that makes no study (see ``read_study``), or a folder with files of others.

@@ -59,10 +59,11 @@ class Store:
             self._file = sqlite3.connect(self._path, timeout=_PATIENCE_S)
             try:
                 self._file.execute(_TABLE)
-                kept = self._file.execute("SELECT key, content FROM cells")
-                damaged = [(key,) for key, content in kept if not _is_sound(content)]
+                _refuse_damaged(self._file)
+                kept = self._file.execute("SELECT rowid, content FROM cells")
+                damaged = [(row,) for row, content in kept if not _is_sound(content)]
                 with self._file:
-                    self._file.executemany("DELETE FROM cells WHERE key = ?", damaged)
+                    self._file.executemany("DELETE FROM cells WHERE rowid = ?", damaged)
             except BaseException:
                 self.close()
                 raise
@@ -109,6 +110,13 @@ class Store:
         except sqlite3.OperationalError as error:
             msg = f"{self._path}: {error}"
             raise OSError(msg) from error
+
+
+def _refuse_damaged(file: sqlite3.Connection) -> None:
+    """Refuse a file that SQLite finds damaged: its index is otherwise read only where keys are looked for."""
+    (found,) = file.execute("PRAGMA integrity_check(1)").fetchone()
+    if found != "ok":
+        raise sqlite3.DatabaseError(found)
 
 
 def _is_sound(content: Any) -> bool:  # noqa: ANN401 - a damaged file may hold anything

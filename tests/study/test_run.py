@@ -294,7 +294,23 @@ def _without_table(kept: Path) -> None:
     kept.write_bytes(bytes(content))
 
 
-@pytest.mark.parametrize("damage", [_overwritten, _without_table])
+def _without_index(kept: Path) -> None:
+    with closing(sqlite3.connect(kept)) as file:
+        (page,) = file.execute("SELECT rootpage FROM sqlite_master WHERE type = 'index'").fetchone()
+    content = bytearray(kept.read_bytes())
+    content[4096 * (page - 1) : 4096 * page] = bytes(4096)  # a page of SQLite's usual size, which only looking for keys reads
+    kept.write_bytes(bytes(content))
+
+
+def _of_other_keys(kept: Path) -> None:
+    with closing(sqlite3.connect(kept)) as file:
+        (key,) = file.execute("SELECT key FROM cells LIMIT 1").fetchone()
+    content = kept.read_bytes()
+    assert key.encode() in content
+    kept.write_bytes(content.replace(key.encode(), b"\xff" * len(key), 1))  # no text
+
+
+@pytest.mark.parametrize("damage", [_overwritten, _without_table, _without_index, _of_other_keys])
 def test_a_damaged_file_is_moved_aside_and_told(folder: Path, tiny: Entries, damage: Callable[[Path], None]) -> None:
     whole = _run(folder, tiny).cells()
     damage(folder / "out" / KEPT)
