@@ -209,7 +209,7 @@ def read_suite(path: Path | None, given: Mapping[str, object] = MappingProxyType
     """Return the entries of a suite's TOML file, and the ``files`` beside it that these name; those that are ``given`` replace its own.
 
     Raises:
-        OptionError: no such file, or not TOML.
+        OptionError: no such file, or not TOML, or one that says itself where its files are.
 
     """
     from hdvplan.schema import read_toml  # noqa: PLC0415 - as above
@@ -217,6 +217,9 @@ def read_suite(path: Path | None, given: Mapping[str, object] = MappingProxyType
     if path is None:
         return dict(given)
     entries = read_toml(path, "suite")
+    if "files" in entries:
+        msg = "suite: unknown entry 'files'"
+        raise OptionError(msg, hint="roads and vehicles may be files, beside the suite or in the working directory")
     lists = [names for key in ("roads", "vehicles") if key not in given and isinstance(names := entries.get(key), list)]
     beside = {name: path.parent / name for names in lists for name in names if isinstance(name, str)}
     return {"files": {name: str(file) for name, file in beside.items() if file.is_file()}, **entries, **given}

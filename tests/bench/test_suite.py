@@ -79,5 +79,8 @@ def test_files_of_a_suite_lie_beside_it_or_in_the_working_directory(tmp_path: Pa
     assert [suite.file(road) for road in suite.roads] == [folder / "own.geojson", Path("here.geojson"), None]
     assert "files" not in suite.to_dict()  # they differ by the folder in which a benchmark starts
     assert placed(suite).roads == (str(folder / "own.geojson"), str(tmp_path / "here.geojson"), "uturn")
+    (folder / "told.toml").write_text('roads = ["uturn"]\nfiles = {uturn = "own.geojson"}\n', encoding="utf-8")
+    with pytest.raises(OptionError, match="unknown entry 'files'"):
+        read_suite(folder / "told.toml")
     (tmp_path / "own.geojson").touch()
     assert suite_of(read_suite(folder / "suite.toml", {"roads": ["own.geojson"]})).file("own.geojson") == Path("own.geojson")
