@@ -175,10 +175,12 @@ def joined(edges: list[tuple[FloatArray, str, str]]) -> list[tuple[FloatArray, s
 
     In which order and direction they are drawn does not count, nor that one is drawn twice. A line has the name of a piece at its end.
     """
-    found = [edge for edge in edges if not np.any(edge[0][0] != edge[0][-1])]  # closed, or a point
-    for layer in dict.fromkeys(layer for _, _, layer in edges):
-        own = [edge for edge in edges if edge[2] == layer and np.any(edge[0][0] != edge[0][-1])]
-        lines = snapped([line for line, _, _ in own], _MEET_M) if own else []
+    found, layers = list[tuple[FloatArray, str, str]](), dict[str, list[tuple[FloatArray, str, str]]]()
+    for edge in edges:
+        closed = np.array_equal(edge[0][0], edge[0][-1])  # or a point
+        (found if closed else layers.setdefault(edge[2], [])).append(edge)
+    for layer, own in layers.items():
+        lines = snapped([line for line, _, _ in own], _MEET_M)
         pieces = dict.fromkeys(shapely.get_parts(shapely.normalize(shapely.MultiLineString(lines))))
         merged = [np.array(line.coords) for line in shapely.get_parts(shapely.line_merge(shapely.MultiLineString(list(pieces))))]
         names = {tuple(line[row]): name for line, (_, name, _) in zip(lines, own, strict=True) for row in (0, -1)}
