@@ -14,7 +14,7 @@ from hdvplan.case import Case
 from hdvplan.judging.bodies import corners
 from hdvplan.passing import options
 from hdvplan.planning.bias import Bias
-from hdvplan.road.passages import offsets_of
+from hdvplan.road.passages import furthest, offsets_of
 from hdvplan.road.path import ReferencePath, from_curvature, project_many
 from hdvplan.road.regions import EDGE, OPEN_M, SPUR_M, Kind, Region, Side, called, without_spurs
 from hdvplan.road.road import Road
@@ -208,6 +208,7 @@ polygons = st.lists(st.tuples(metres(8.0), metres(6.0)), min_size=3, max_size=7)
     width=st.sampled_from([None, 2.0, 5.0]),
 )  # fmt: skip
 @example(bend=0.0390625, places=[(62.75, [(0.0, 0.0), (0.0, 1.0), (2.703125, 2.984375)])], width=None)
+@example(bend=-0.09375, places=[(74.75, [(0.0, 0.0), (1.0, 0.0), (7.875, 5.5)])], width=None)  # a face beyond where normals meet
 @settings(max_examples=25, deadline=None)
 def test_no_point_of_any_obstacle_lies_before_its_face(
     bend: float, places: list[tuple[float, list[tuple[float, float]]]], width: float | None
@@ -230,7 +231,10 @@ def test_no_point_of_any_obstacle_lies_before_its_face(
         met = (s >= ends[0]) & (s <= ends[1]) & (np.abs(e) < 6.0)  # NaN where there is no foot near by
         for side, (face,) in passage.faces.items():
             driven_on = offsets_of(path, face, s[met])
-            beyond = e[met] - driven_on if face.left else driven_on - e[met]
+            sign = 1.0 if face.left else -1.0
+            reach = furthest(-sign * path.at(s[met]).curvature)  # of normals, before they meet: a face may lie beyond that
+            assert np.all(np.isfinite(driven_on) | (np.max(-sign * np.array([passage.low, passage.high])) > reach))
+            beyond = sign * (e[met] - np.where(np.isfinite(driven_on), driven_on, -sign * reach))
             assert face.left is (side is Side.RIGHT)
             assert np.min(beyond, initial=0.0) >= -1e-6  # a foot's accuracy, and a face's that is met by a normal
     assert {passage.region for passage in road.passages} == set(range(len(shapes)))
