@@ -36,14 +36,16 @@ def why_stale(folder: Path, areas: Sequence[str], *, times: bool, moved: datetim
 
     ``areas`` are those of behaviour that it rests on; ``moved`` is when a change moved what it holds and raised no integer.
     """
-    parts = sorted(path.parent for path in folder.glob("*/run.json"))
-    if not (folder / "run.json").exists() and parts:
-        found = ((part.name, why_stale(part, areas, times=times, moved=moved)) for part in parts)
-        return next((f"{name}: {reason}" for name, reason in found if reason), None)
-    try:
-        record = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    except OSError:
-        return "it has no run.json"
+    parts = {path.parent.name: path for path in sorted(folder.glob("*/run.json"))}
+    parts |= {path.name.removesuffix("-run.json"): path for path in sorted(folder.glob("*-run.json"))}
+    if (folder / "run.json").exists():
+        return _stale(folder / "run.json", areas, times=times, moved=moved)
+    found = ((name, _stale(path, areas, times=times, moved=moved)) for name, path in parts.items())
+    return next((f"{name}: {reason}" for name, reason in found if reason), None) if parts else "it has no run.json"
+
+
+def _stale(path: Path, areas: Sequence[str], *, times: bool, moved: datetime | None) -> str | None:
+    record = json.loads(path.read_text(encoding="utf-8"))
     ran, now = record.get("software", {}), behaviour()
     if "behaviour" not in ran:
         return "it was made before behaviour was numbered"
@@ -109,7 +111,7 @@ def check_times(results: Path, table: Mapping[str, Mapping[str, Any]]) -> list[s
     """Return which folders with times were made at a commit that plans in another time than this one, as the timing gate measures it."""
     commits: dict[str, list[str]] = {}
     for name in (name for name, entry in table.items() if entry["times"]):
-        for record in sorted((results / name).glob("**/run.json")):
+        for record in sorted((results / name).glob("**/*run.json")):
             commit = (json.loads(record.read_text(encoding="utf-8")).get("commit") or "").removesuffix("+")
             commits.setdefault(commit, []).append(name)
     return [f"{', '.join(dict.fromkeys(names))}: {said}" for commit, names in commits.items() if (said := _against(commit)) is not None]

@@ -14,14 +14,16 @@ from hdvplan.machine import commit, machine_facts, software
 NAME = "run.json"
 
 
-def write_record(directory: Path, cases: Iterable[Case]) -> None:
-    """Write ``run.json`` into ``directory``: the cases, hdvplan's commit and source, versions, machine, command and date.
+def write_record(directory: Path, cases: Iterable[Case], part: str = "") -> None:
+    """Write ``run.json``: the cases, hdvplan's commit and source, versions, machine, command and date.
+
+    Of one ``part`` of what ``directory`` holds it is ``<part>-run.json``.
 
     Raises:
         OSError: the file cannot be written.
 
     """
-    write_atomically(directory / NAME, json_bytes(record_of(cases)))
+    write_atomically(directory / (f"{part}-{NAME}" if part else NAME), json_bytes(record_of(cases)))
 
 
 def record_of(cases: Iterable[Case]) -> Json:

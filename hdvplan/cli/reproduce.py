@@ -33,7 +33,7 @@ def reproduce(
     """Repeat experiments of papers and turns of standards.
 
     Published numbers are beside ours. Writes NAME.md and NAME.csv (the table), NAME.png (the figure in the paper's layout) and
-    NAME-data.csv for every study, a summary for all of them, and run.json: what was driven, with which versions, on which machine. Where
+    NAME-data.csv and NAME-run.json (what was driven, with which versions, on which machine) for every study, and a summary of all. Where
     published numbers and ours differ by more than the reading error, a remark says why, or that it is not explained.
     """
     chosen = NAMES if choice("NAME", name, [*NAMES, _ALL]) == _ALL else (name,)
@@ -66,11 +66,11 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress, *, quiet: bool)
             study = getattr(import_module(f"hdvplan.reproduce.{module}"), name.replace("-", "_"))
             studies.append(study(lambda share, begin=begin, part=part: on_progress(begin + part * share)))
             write_study(studies[-1], out)
-            note(f"wrote {out / name}.md, .csv, .png and -data.csv", quiet=quiet or len(names) == 1)
+            write_record(out, studies[-1].cases, name)
+            note(f"wrote {out / name}.md, .csv, .png, -data.csv and -run.json", quiet=quiet or len(names) == 1)
             done += part
         if len(studies) > 1:
             write_summary(studies, out)
-        write_record(out, [case for study in studies for case in study.cases])
     return studies
 
 

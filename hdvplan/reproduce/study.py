@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import scipy
 from matplotlib.figure import Figure
 
 from hdvplan.api import drive_case
@@ -86,6 +87,30 @@ def every_row(studies: Sequence[Study]) -> pd.DataFrame:
     """Return the rows of several studies under each other, named by their study."""
     table = pd.concat([study.table().assign(study=study.name) for study in studies], ignore_index=True)
     return table[["study", *(column for column in table.columns if column != "study")]]
+
+
+def best_fit(rows: Sequence[Row], again: Callable[[float], Sequence[float]], bounds: tuple[float, float]) -> float:
+    """Return the value of a parameter that is not published, the same for all rows, with which published numbers are met best.
+
+    ``again`` returns what rows hold with a value of it; each row counts by how exactly its published number can be read.
+    """
+
+    def misfit(value: float) -> float:
+        pairs = zip(again(value), rows, strict=True)
+        return sum(((ours - row.published.value) / row.published.reading_error) ** 2 for ours, row in pairs if row.published)
+
+    return float(scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-3 * np.ptp(bounds)}).x)
+
+
+def explained(rows: Sequence[Row], again: Sequence[float], words: str) -> list[Row]:
+    """Return rows with what another set-up, the same for all, makes of those that differ and have no remark; ``words`` name it."""
+    told = [f"{_number(ours, signed=False)} with {words}" for ours in again]
+    return [
+        replace(row, remark=f"{NOT_EXPLAINED}: {remark}" if replace(row, ours=ours).differs else remark)
+        if row.differs and not row.remark
+        else row
+        for row, ours, remark in zip(rows, again, told, strict=True)
+    ]
 
 
 def summary_of(studies: Sequence[Study]) -> pd.DataFrame:

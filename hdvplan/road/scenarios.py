@@ -90,8 +90,9 @@ def _profile(lengths: list[float], curvature: list[float]) -> Profile:
     return tuple(at for at, _ in kept), tuple(kappa for _, kappa in kept)
 
 
-def _uturn_articulated() -> Profile:
-    curvature, ramp = 0.065, 1.0
+def uturn_articulated_profile(ramp: float = 1.0) -> Profile:
+    """Return the turn of [ART] table 2, with ramps of a length that is not published [m]."""
+    curvature = 0.065
     turning = pi / curvature + ramp
     return uturn_profile(curvature, ramp, lead_in=_ART_LEAD_IN_M, lead_out=_ART_HORIZON_M - _ART_LEAD_IN_M - turning)
 
@@ -114,7 +115,7 @@ class Scenario:
 
 
 uturn = Scenario("uturn", uturn_profile(), 3.0)  # the bus's of [GEO] fig. 7
-uturn_articulated = Scenario("uturn_articulated", _uturn_articulated())  # of [ART] table 2: 134.2 m in all, sharp ramps, no limits
+uturn_articulated = Scenario("uturn_articulated", uturn_articulated_profile())  # of [ART] table 2: 134.2 m in all, no limits
 roundabout = Scenario("roundabout", turn_profile(1.0 / 17.88, 5.5, 135.0), 3.56)  # of [GEO] figs. 8-10: radius 17.88 m, 135 m long
 sturn = Scenario("sturn", sturn_profile())  # from the middle of [GEO] fig. 11's range; no limits are published
 

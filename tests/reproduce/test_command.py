@@ -16,9 +16,9 @@ COMMAND = (sys.executable, "-m", "hdvplan", "reproduce")
 def test_a_study_writes_its_files_and_prints_a_table_that_fits_a_terminal(cli: Cli, tmp_path: Path) -> None:  # noqa: F811 - the fixture
     outcome = cli("reproduce", "bus-uturn")
     assert (outcome.code, outcome.err) == (0, "")
-    names = {"bus-uturn.md", "bus-uturn.csv", "bus-uturn.png", "bus-uturn-data.csv", "run.json"}
+    names = {"bus-uturn.md", "bus-uturn.csv", "bus-uturn.png", "bus-uturn-data.csv", "bus-uturn-run.json"}
     assert {path.name for path in (tmp_path / "results").iterdir()} == names
-    record = json.loads((tmp_path / "results" / "run.json").read_text(encoding="utf-8"))
+    record = json.loads((tmp_path / "results" / "bus-uturn-run.json").read_text(encoding="utf-8"))
     assert [case["objective"] for case in record["cases"]] == ["lead-axle", "geometric"]
     assert "proposed method, max right [m]" in outcome.out
     assert max(len(line) for line in outcome.out.splitlines()) <= 80
@@ -39,10 +39,10 @@ def test_all_writes_every_study_and_a_summary(cli: Cli, tmp_path: Path) -> None:
     outcome = cli("reproduce", "all", "--out", "all")
     before, *told = (line for line in outcome.err.splitlines() if not line.startswith("reproducing: "))  # one every ten seconds
     assert (outcome.code, before) == (0, "this takes about 3 min")
-    assert told == [f"wrote all/{name}.md, .csv, .png and -data.csv" for name in NAMES]
+    assert told == [f"wrote all/{name}.md, .csv, .png, -data.csv and -run.json" for name in NAMES]
     written = {path.name for path in (tmp_path / "all").iterdir()}
-    tables = {f"{name}{end}" for name in NAMES for end in (".md", ".csv", ".png", "-data.csv")}
-    assert written == tables | {"summary.md", "summary.csv", "run.json"}
+    tables = {f"{name}{end}" for name in NAMES for end in (".md", ".csv", ".png", "-data.csv", "-run.json")}
+    assert written == tables | {"summary.md", "summary.csv"}
     assert set(pd.read_csv(tmp_path / "all" / "summary.csv")["study"]) == set(NAMES)
     assert max(len(line) for line in outcome.out.splitlines()) <= 80
     times = pd.read_csv(tmp_path / "all" / "timing.csv", index_col="quantity").filter(like=": mean", axis="index")

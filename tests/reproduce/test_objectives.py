@@ -9,34 +9,26 @@ from tests.reproduce.conftest import by_name, silent
 
 
 @pytest.fixture(scope="module")
-def planned() -> dict[str, tuple[Result, float]]:
+def planned() -> dict[str, Result]:
     vehicle = load_vehicle("tractor-trailer-24m")
-    found: dict[str, tuple[Result, float]] = {}
-    for name, objective in OBJECTIVES.items():
-        with pytest.MonkeyPatch.context() as patched:
-            if name != "J5":  # the one whose time is looked at
-                patched.setattr("hdvplan.reproduce.objectives._FINEST_ROUNDS", 1)
-            found[name] = plan_whole(vehicle, objective, 0.5)
-    return found
+    return {name: plan_whole(vehicle, objective, 0.5) for name, objective in OBJECTIVES.items()}
 
 
 @pytest.mark.parametrize(("name", "left", "right"), [("J1", 8.5, 2.1), ("J2", 2.1, 7.9), ("J3", 4.83, 4.85)])
-def test_the_first_three_objectives_reach_as_far_as_they_must(
-    planned: dict[str, tuple[Result, float]], name: str, left: float, right: float
-) -> None:
-    found, _ = planned[name]
+def test_the_first_three_objectives_reach_as_far_as_they_must(planned: dict[str, Result], name: str, left: float, right: float) -> None:
+    found = planned[name]
     assert abs(found.balance.max_left - left) <= 0.15  # lead-in, ramps and smoothness weight are not published
     assert abs(found.balance.max_right - right) <= 0.15
 
 
-def test_the_swept_area_itself_is_reached_least_far_by_its_own_objective(planned: dict[str, tuple[Result, float]]) -> None:
-    furthest = {name: found.balance.half_width for name, (found, _) in planned.items()}
+def test_the_swept_area_itself_is_reached_least_far_by_its_own_objective(planned: dict[str, Result]) -> None:
+    furthest = {name: found.balance.half_width for name, found in planned.items()}
     assert furthest["J5"] == min(furthest.values())
     assert furthest["J5"] <= furthest["J3"]
 
 
-def test_every_plan_is_converged_and_predicts_what_is_driven(planned: dict[str, tuple[Result, float]]) -> None:
-    for found, _ in planned.values():
+def test_every_plan_is_converged_and_predicts_what_is_driven(planned: dict[str, Result]) -> None:
+    for found in planned.values():
         (plan,) = found.drive.plans
         assert plan.usable
         assert plan.moved < found.drive.settings.sqp_tolerance

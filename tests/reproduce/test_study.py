@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from hdvplan.reproduce.published import Number
-from hdvplan.reproduce.study import Row, Study, counted, markdown, shown, summary_of, write_study, write_summary
+from hdvplan.reproduce.study import Row, Study, best_fit, counted, explained, markdown, shown, summary_of, write_study, write_summary
 from hdvplan.reproduce.timing import timing
 from tests.reproduce.conftest import silent
 
@@ -35,6 +35,26 @@ def test_numbers_are_reproduced_explained_or_open_and_counted() -> None:
     study = made_up("one", *ROWS)
     assert [row.status for row in ROWS] == ["reproduced", "explained", "", "open", "open"]
     assert counted(study.table()) == "1 reproduced, 1 explained, 2 open of 4 published numbers"
+
+
+def test_one_value_of_what_is_not_published_is_fitted_to_all_rows_and_explains_what_it_meets() -> None:
+    rows = [
+        Row("reach", "m", Number(2.0, 0.01), 2.5),
+        Row("width", "m", Number(4.2, 0.1), 5.0),
+        Row("free", "m", Number(2.0, 0.01), 2.5, "its own remark"),
+        Row("met", "m", Number(2.0, 0.01), 2.0),
+        Row("count", "", None, 3.0),
+    ]
+
+    def again(value: float) -> list[float]:
+        return [value, 2.0 * value, 2.0, 2.0, value]
+
+    value = best_fit(rows, again, (1.0, 3.0))
+    assert abs(value - (2.0 * 1e4 + 8.4 * 1e2) / (1e4 + 4e2)) < 2e-3  # weighted least squares, to the thousandth of the bounds asked for
+    told = explained(rows, again(value), "another road")
+    assert [row.status for row in told] == ["explained", "open", "explained", "reproduced", ""]
+    remarks = ["2.004 with another road", "not explained: 4.008 with another road", "its own remark", "", ""]
+    assert [row.remark for row in told] == remarks
 
 
 def test_a_table_keeps_its_numbers_and_says_nothing_where_nothing_is_published() -> None:
