@@ -19,7 +19,7 @@ from hdvplan.road.features import AREAS, LINES, POINTS, Beside, Feature, coordin
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import RoadOptions, Role, unheeded
 from hdvplan.road.properties import legs_among, with_properties
-from hdvplan.road.regions import EDGE, Kind, Region, is_island, joined, snapped, walls_of, without_spurs
+from hdvplan.road.regions import EDGE, Kind, Region, is_island, joined, seen, snapped, walls_of, without_spurs
 from hdvplan.texts import counted, printable, some_of
 
 _SNAP_M = 0.01
@@ -78,7 +78,10 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
     beside = Beside(name, system, plane, options, tuple(line.feature.geometry for line in chosen), unit.metres)
     sides = [(*beside.edges(feature), label_of(feature), feature.layer) for feature in features]
     pieces = [(edge, label, layer) for own, _, label, layer in sides for edge in own]
-    edges = [(*without_spurs(edge), label) for edge, label, _ in (pieces if legs else joined(pieces))]
+    before = pieces if legs else seen(pieces, shapely.MultiLineString(placed))
+    if len(before) < len(pieces):
+        notes = (*notes, f"{name}: {counted(len(pieces) - len(before), 'edge')} behind others bound nothing")
+    edges = [(*without_spurs(edge), label) for edge, label, _ in (before if legs else joined(before))]
     if system is None:
         refuse_no_street(placed, None, [edge for edge, _, _ in edges], unit, name)
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)

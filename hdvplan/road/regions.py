@@ -20,6 +20,8 @@ OPEN_SPACING_M = 0.5
 EDGE = "edge"  # what one without a name is called
 _EDGES = (EDGE, "kerb", "curb")  # words in the names of what is one
 _MEET_M = 1e-3  # ends of drawn pieces this close are one place
+_GRID_M = 1e-5  # to which what is drawn twice is rounded
+_SEEN_M = 0.1  # of an edge from its street: less is where it begins at a kerb
 SPUR_M = 0.01  # as thick is a wall that is drawn without any width
 _ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
 
@@ -170,19 +172,35 @@ def snapped(lines: list[FloatArray], within: float) -> list[FloatArray]:
     return [np.concatenate([begin, line[1:-1], end]) for line, (begin, end) in zip(lines, moved[:, :, None], strict=True)]
 
 
+def seen(edges: list[tuple[FloatArray, str, str]], line: shapely.Geometry) -> list[tuple[FloatArray, str, str]]:
+    """Return edges, (n, 2) [m] with name and layer, without those that lie beside a ``line`` and wholly behind others, such as fences."""
+    drawn = [shapely.LineString(edge) for edge, _, _ in edges]
+    if len(edges) <= 2:  # noqa: PLR2004 - one a side
+        return edges
+    beside = shapely.union_all([shapely.buffer(part, OPEN_M, cap_style="flat") for part in shapely.get_parts(line) if part.length])
+    room = shapely.get_parts(shapely.difference(beside, shapely.buffer(shapely.union_all(drawn), _MEET_M, cap_style="square")))
+    before = shapely.buffer(shapely.union_all(room[shapely.intersects(room, line)]), 2.0 * _MEET_M)
+    length = shapely.length(drawn)
+    behind = shapely.length(shapely.intersection(drawn, before)) < np.minimum(_SEEN_M, 0.5 * length)
+    return [edge for edge, hidden in zip(edges, behind & shapely.covered_by(drawn, beside), strict=True) if not hidden]
+
+
 def joined(edges: list[tuple[FloatArray, str, str]]) -> list[tuple[FloatArray, str, str]]:
     """Return edges, (n, 2) [m] with name and layer, in which those of a layer that meet end to end, two at a place, are one line.
 
-    In which order and direction they are drawn does not count, nor that one is drawn twice. A line has the name of a piece at its end.
+    In which order and direction they are drawn does not count, nor that one is drawn twice, or over another's end. A line has the name of
+    a piece at its end.
     """
     found, layers = list[tuple[FloatArray, str, str]](), dict[str, list[tuple[FloatArray, str, str]]]()
     for edge in edges:
         closed = np.array_equal(edge[0][0], edge[0][-1])  # or a point
         (found if closed else layers.setdefault(edge[2], [])).append(edge)
     for layer, own in layers.items():
-        lines = snapped([line for line, _, _ in own], _MEET_M)
-        pieces = dict.fromkeys(shapely.get_parts(shapely.normalize(shapely.MultiLineString(lines))))
-        merged = [np.array(line.coords) for line in shapely.get_parts(shapely.line_merge(shapely.MultiLineString(list(pieces))))]
-        names = {tuple(line[row]): name for line, (_, name, _) in zip(lines, own, strict=True) for row in (0, -1)}
-        found += own if len(merged) == len(own) else [(line, names[tuple(line[0])], layer) for line in merged]
+        lines = [shapely.LineString(points) for points in snapped([points for points, _, _ in own], _MEET_M)]
+        once, each = shapely.union_all(lines, grid_size=_GRID_M), shapely.union_all(np.array(lines)[:, None], axis=1)
+        twice = float(np.sum(shapely.length(each))) - once.length > _MEET_M
+        merged = shapely.get_parts(shapely.line_merge(once if twice else shapely.MultiLineString(lines)))
+        nearest = shapely.STRtree(lines).nearest(shapely.get_point(merged, 0))
+        named = [(np.array(one.coords), own[at][1], layer) for one, at in zip(merged, nearest, strict=True)]
+        found += own if len(merged) == len(own) else named
     return found

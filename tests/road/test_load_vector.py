@@ -279,13 +279,44 @@ def test_a_kerb_is_the_same_in_whatever_order_and_direction_its_pieces_are_drawn
     pieces[turned] = pieces[turned].reverse()
     pieces[4] = shapely.affinity.translate(pieces[4], 4e-4)  # as exact as drawings are
     line, other = (shapely.LineString([(0.0, y), (100.0, y)]) for y in (0.0, 3.0))  # another layer's ends are at the kerb's
-    shapes = [line, *pieces, pieces[1], other]  # one is drawn twice
-    drawing = write(tmp_path / "a.dxf", shapes, crs=None, Layer=["ROAD", *["KERB"] * 6, "WALL"])
+    over = shapely.LineString([(20.0, 3.0), (30.0, 3.0)])  # the end of another one
+    shapes = [line, *pieces, pieces[1], over, other]  # one is drawn twice
+    drawing = write(tmp_path / "a.dxf", shapes, crs=None, Layer=["ROAD", *["KERB"] * 7, "WALL"])
     found = find_road(drawing, RoadOptions(layer="ROAD", roles=("WALL=edge",))).line
     assert found is not None
     assert sorted(found.raw.edge_names) == ["KERB", "WALL"]
     own = shapely.LineString(found.raw.edges[found.raw.edge_names.index("KERB")])
-    assert own.normalize().equals_exact(shapely.LineString(kerb).normalize(), tolerance=1e-3)
+    assert own.simplify(1e-6).normalize().equals_exact(shapely.LineString(kerb).normalize(), tolerance=1e-3)
+
+
+@pytest.mark.parametrize("beginning", [3.0, 4.5])  # at the kerb, where pieces of it meet, or behind it
+def test_fences_behind_a_kerb_bound_nothing_and_are_told(tmp_path: Path, beginning: float) -> None:
+    """Two of them were joined to a kerb of their own, and a street that fits was a NO by 20 m."""
+    kerbs = [shapely.LineString([(x, y) for x in xs]) for y, xs in ((3.0, (-1.0, 40.0)), (3.0, (40.0, 101.0)), (-3.0, (-1.0, 101.0)))]
+    fences = [shapely.LineString([(40.0, beginning), (45.0, 12.0)]), shapely.LineString([(60.0, beginning), (60.0, 9.0)])]
+    lines = [shapely.LineString([(0.0, 0.0), (100.0, 0.0)]), *kerbs, *fences]
+    drawing = write(tmp_path / "a.dxf", lines, crs=None, Layer=["ROAD", *["KERB"] * 5])
+    found = find_road(drawing, RoadOptions(layer="ROAD")).line
+    assert found is not None
+    assert sorted(float(edge[0, 1]) for edge in found.raw.edges) == [-3.0, 3.0]
+    assert "2 edges behind others bound nothing" in found.raw.notes[0]
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        pytest.param([(40.0, 3.0), (40.0, 1.0)], id="into the street"),
+        pytest.param([(98.0, 4.0), (104.0, 6.0)], id="beyond the line's end"),
+        pytest.param([(40.0, 23.0), (41.0, 24.0)], id="far away"),
+    ],
+)
+def test_what_can_be_met_from_the_street_or_beyond_its_end_is_an_edge(tmp_path: Path, drawn: list[tuple[float, float]]) -> None:
+    kerbs = [shapely.LineString([(-1.0, y), (101.0, y)]) for y in (3.0, -3.0)]
+    lines = [shapely.LineString([(0.0, 0.0), (100.0, 0.0)]), *kerbs, shapely.LineString(drawn)]
+    drawing = write(tmp_path / "a.dxf", lines, crs=None, Layer=["ROAD", *["KERB"] * 3])
+    found = find_road(drawing, RoadOptions(layer="ROAD")).line
+    assert found is not None
+    assert len(found.raw.edges) == 3
 
 
 def test_an_area_that_may_be_swept_needs_an_outline(tmp_path: Path) -> None:
