@@ -102,10 +102,6 @@ __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - they are strings
 
 if not TYPE_CHECKING:  # else a type checker would believe in any name
 
-    def __dir__() -> list[str]:
-        """Tell the public names before they are loaded."""
-        return __all__
-
     def __getattr__(name: str) -> object:
         """Load a public name when it is first asked for (PEP 562)."""
         if name not in _HOMES:
@@ -118,4 +114,5 @@ if not TYPE_CHECKING:  # else a type checker would believe in any name
 
 
 def __dir__() -> list[str]:
+    """Tell the public names before they are loaded."""
     return sorted(__all__)

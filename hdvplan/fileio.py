@@ -7,20 +7,23 @@ import json
 import os
 import shutil
 import stat
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from hdvplan.errors import OptionError
 from hdvplan.texts import encoded, no_formula
 
-if TYPE_CHECKING:  # files of other kinds need no pandas
+if TYPE_CHECKING:  # files of other kinds need none of them
     import pandas as pd
+    from numpy.typing import NDArray
 
 _NEW, _GONE = ".hdvplan-new", ".gone"  # the folder of files that are written together, and in it the names of those that go
 _LONGEST = 40  # letters of a name that go into that of a file under way
+_ROWS_AT_ONCE = 10_000  # of long tables
 _LARGEST = 2_000_000_000  # bytes of a file that hdvplan wrote: tables of a road of thousands of kilometres
 
 
@@ -32,6 +35,44 @@ def csv_bytes(table: pd.DataFrame) -> bytes:
         else table
     )
     return encoded(safe.to_csv(index=False, lineterminator="\n"))
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a long table, and the ``printf`` format that says how exactly they are written."""
+
+    content: NDArray[Any]
+    form: str = "%s"  # words, whole numbers, truth values
+
+
+def table_bytes(table: Mapping[str, Column]) -> bytes:
+    """Return columns of equal length as CSV, many rows by one format, which takes half the time; missing numbers are empty."""
+    parts = [encoded(",".join(table) + "\n")]
+    for begin in range(0, max(len(column.content) for column in table.values()), _ROWS_AT_ONCE):
+        cells = [_cells(column.content[begin : begin + _ROWS_AT_ONCE], column.form) for column in table.values()]
+        row = ",".join(form for form, _ in cells) + "\n"
+        rows = list(zip(*(values for _, values in cells), strict=True))
+        parts.append(encoded(row * len(rows) % tuple(chain.from_iterable(rows))))
+    return b"".join(parts)
+
+
+def _cells(content: NDArray[Any], form: str) -> tuple[str, Sequence[object]]:
+    """Return the format of a column's rows, and what it is given."""
+    values = content.tolist()
+    if content.dtype.kind != "f":
+        return form, [_word(value) for value in values]
+    missing = content != content  # noqa: PLR0124 - NaN
+    if not missing.any():
+        return form, values
+    return "%s", ["" if gone else form % value for value, gone in zip(values, missing.tolist(), strict=True)]
+
+
+def _word(value: object) -> object:
+    """Return a cell of a table of columns; words that would end it or begin a formula as CSV quotes them."""
+    if not isinstance(value, str):
+        return value
+    word = no_formula(value)
+    return '"{}"'.format(word.replace('"', '""')) if any(sign in word for sign in ',"\n\r') else word
 
 
 def json_bytes(value: object, *, indent: int | None = 2) -> bytes:
@@ -164,14 +205,16 @@ class Together:
     names: tuple[str, ...]
     marks: Mapping[str, str]
 
-    def write(self, directory: Path, contents: Mapping[str, Callable[[], bytes]], on_written: Callable[[int], None] | None = None) -> None:
-        """Replace the files in ``directory`` by ``contents``, as ``fill``; ``on_written`` receives the number of those that are written."""
+    def write(
+        self, directory: Path, contents: Mapping[str, Callable[[], bytes]], on_progress: Callable[[float], None] | None = None
+    ) -> None:
+        """Replace the files in ``directory`` by ``contents``, as ``fill``; ``on_progress`` receives the written share, 0 to 1."""
 
         def write_all(aside: Path) -> None:
             for number, (name, content) in enumerate(contents.items(), start=1):
                 (aside / name).write_bytes(content())
-                if on_written is not None:
-                    on_written(number)
+                if on_progress is not None:
+                    on_progress(number / len(contents))
 
         self.fill(directory, tuple(contents), write_all)
 

@@ -32,6 +32,7 @@ class Setting:
     listed: bool = False  #: several words are given with commas, instead of the option again
 
 
+METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "ft": 0.3048, "in": 0.0254}  # units of lengths in files; exactly: the international foot
 POSITIVE, NOT_NEGATIVE = Setting(above=0.0), Setting(least=0.0)
 
 

@@ -12,13 +12,13 @@ import numpy as np
 from hdvplan.arrays import BoolArray, FloatArray, running
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.fileio import read_json
-from hdvplan.lengths import METRES
 from hdvplan.road.columns import unread_note
 from hdvplan.road.crs import LONLAT, IntoPlane, ToLonLat, check_lonlat, parse_crs
 from hdvplan.road.given import GivenLine, given_line
 from hdvplan.road.load import find_road
 from hdvplan.road.load_csv import read_columns
 from hdvplan.road.path import ReferencePath
+from hdvplan.settings import METRES
 from hdvplan.vehicle.model import Vehicle
 
 PLANE_HINT = "its x and y are in the plane of the road's path (`plane` in summary.json), as path.csv is; or give lon and lat"

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdvplan.columns import Column, table_bytes
 from hdvplan.errors import RoadError
-from hdvplan.fileio import Together, json_bytes, read_json
+from hdvplan.fileio import Column, Together, json_bytes, read_json, table_bytes
 from hdvplan.network.osm import Relation, Routes, read_routes
 from hdvplan.network.roads import USUAL, Position, RouteRoad, Widths, road_of_part
 from hdvplan.network.stitch import CUTS, Finding, Trouble, stitched

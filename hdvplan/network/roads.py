@@ -13,10 +13,10 @@ import numpy as np
 from hdvplan.arrays import FloatArray, chord_of
 from hdvplan.errors import OptionError
 from hdvplan.fileio import json_bytes
-from hdvplan.lengths import METRES
 from hdvplan.network.osm import Places, Relation
 from hdvplan.network.stitch import Part
 from hdvplan.road.crs import to_plane
+from hdvplan.settings import METRES
 from hdvplan.version import __version__
 
 LANE_M = 3.25  # of a lane where the map says only how many there are

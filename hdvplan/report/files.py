@@ -12,8 +12,7 @@ import shapely
 
 from hdvplan.answers import NO, without_word
 from hdvplan.arrays import FloatArray
-from hdvplan.columns import Column, table_bytes
-from hdvplan.fileio import Together, json_bytes
+from hdvplan.fileio import Column, Together, json_bytes, table_bytes
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of
 from hdvplan.record import NAME, record_of
@@ -85,7 +84,7 @@ def write_plan(
 
         contents[FILM] = partial(film_bytes, result)
     contents[FILES.last] = lambda: json_bytes(summary_of(result) | ({} if loop is None else {"loop": loop}))
-    FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
+    FILES.write(directory, contents, on_progress)
 
 
 def path_table(result: Result) -> Table:

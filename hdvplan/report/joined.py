@@ -13,8 +13,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import content_digest
-from hdvplan.columns import table_bytes
-from hdvplan.fileio import json_bytes
+from hdvplan.fileio import json_bytes, table_bytes
 from hdvplan.judging.balance import ONE_M
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.pieces import Judged

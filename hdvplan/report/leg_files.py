@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from hdvplan.columns import Column, table_bytes
-from hdvplan.fileio import json_bytes
+from hdvplan.fileio import Column, json_bytes, table_bytes
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import JACKKNIFE, LegsResult
 from hdvplan.judging.result import Result
@@ -62,7 +61,7 @@ def write_legs(
 
         contents[FILM] = partial(legs_film_bytes, driven)
     contents[FILES.last] = lambda: json_bytes(summary_of_legs(driven))
-    FILES.write(directory, contents, None if on_progress is None else lambda number: on_progress(number / len(contents)))
+    FILES.write(directory, contents, on_progress)
 
 
 def summary_of_legs(driven: LegsResult) -> Json:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.lengths import METRES
+from hdvplan.settings import METRES
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,9 @@ import shapely
 
 from hdvplan.arrays import FloatArray, chord_of, turns_of
 from hdvplan.errors import RoadError
-from hdvplan.lengths import METRES
 from hdvplan.road.crs import ToLonLat, is_local
 from hdvplan.road.limits import WIDEST_M
-from hdvplan.settings import any_of
+from hdvplan.settings import METRES, any_of
 from hdvplan.texts import place_text, some_of
 
 _LARGEST_MB = 64

@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from hdvplan.errors import RoadError
-from hdvplan.lengths import METRES
+from hdvplan.settings import METRES
 
 LAYOUTS = "known columns: x,y or lon,lat or s,kappa; with left_m,right_m or width_m; with left_sweep,right_sweep"
 

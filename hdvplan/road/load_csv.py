@@ -11,13 +11,13 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import RoadError
-from hdvplan.lengths import METRES
 from hdvplan.road.checks import LARGEST_M, Unit, refuse_no_street, refuse_unreadable, text_of
 from hdvplan.road.columns import LAYOUTS, LENGTHS, Columns, columns_of, has_geometry, is_header, named_among, unread_note
 from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_degrees, to_plane
 from hdvplan.road.line import RawRoad
 from hdvplan.road.options import USUAL, RoadOptions, unheeded
 from hdvplan.road.properties import in_legs, signs_in
+from hdvplan.settings import METRES
 from hdvplan.texts import is_number
 
 _SEPARATORS = ("\t", ";", "|", ",")  # the first that the header has; decimal commas cannot occur in a header

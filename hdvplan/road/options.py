@@ -9,8 +9,7 @@ from functools import cached_property
 from typing import Annotated
 
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.lengths import METRES
-from hdvplan.settings import Setting, check, fields_of
+from hdvplan.settings import METRES, Setting, check, fields_of
 
 OF_POINTS = "corners", "corner_radius"  # options that say how points are read
 REFERENCE_SLACK = 1.25  # a balanced lead axle turns wider than the road's centre, which may thus be tighter than its limit

@@ -11,8 +11,8 @@ import numpy as np
 
 from hdvplan.answers import NEEDS, room_text, word_of, worded
 from hdvplan.errors import OptionError
-from hdvplan.lengths import METRES
 from hdvplan.schema import parse_toml, read, read_text
+from hdvplan.settings import METRES
 from hdvplan.texts import did_you_mean, printable
 from hdvplan.turning.follow import Followed, follow, tightest
 from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets

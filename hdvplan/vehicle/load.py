@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Literal
 
 from hdvplan.errors import VehicleError, refused_in
-from hdvplan.lengths import METRES
 from hdvplan.schema import parse_toml, read, read_text
+from hdvplan.settings import METRES
 from hdvplan.texts import did_you_mean, printable
 from hdvplan.vehicle.model import Unit, Vehicle, tightest
 

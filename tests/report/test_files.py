@@ -18,9 +18,8 @@ from shapely.geometry.base import BaseGeometry
 
 from hdvplan.api import plan
 from hdvplan.case import Case
-from hdvplan.columns import Column, table_bytes
 from hdvplan.errors import OptionError
-from hdvplan.fileio import Together, json_bytes, read_json, settle, write_atomically
+from hdvplan.fileio import Column, Together, json_bytes, read_json, settle, table_bytes, write_atomically
 from hdvplan.judging.result import Result
 from hdvplan.report.files import Table, drawn_bytes, envelope_table, limits_json, path_table, profile_table, steps_table, write_plan
 from hdvplan.report.planfiles import read_plan
