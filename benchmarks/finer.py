@@ -19,7 +19,6 @@ from cases import case_within, free_case
 from hdvplan import api
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
-from hdvplan.finer import replanned
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.record import write_record
@@ -59,7 +58,7 @@ def _tried(case: Case) -> dict[str, object]:
         none = {"lacking": np.inf, "least": np.inf, "finer": "", "fits": False}
         return none | {"cpu_s": process_time() - began, "finer_cpu_s": 0.0, "error": str(error)}
     planned = process_time()
-    last = replanned(result)
+    last = api.replanned(result)
     return {
         "lacking": _lacking(result),
         "least": _lacking(last),

@@ -24,7 +24,6 @@ from random_drives import crosses, edges_around, random_drive, road_around
 from hdvplan import api
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
-from hdvplan.finer import replanned
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.planning.settings import PlannerSettings
@@ -92,7 +91,7 @@ def _tried(vehicle: Vehicle, seed: int, margin: float) -> dict[str, object] | No
             spare[way] = spare["finer"] = verdict_of(result).spare or 0.0
             crossed |= bool(verdict_of(result).fits) and crosses(result, edges, KEPT_M + _CHORDS_M)
         if not verdict_of(result).fits:
-            result = replanned(result)
+            result = api.replanned(result)
             spare["finer"] = verdict_of(result).spare or 0.0
             crossed |= bool(verdict_of(result).fits) and crosses(result, edges, KEPT_M + _CHORDS_M)
     except HdvplanError as raised:

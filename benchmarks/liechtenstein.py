@@ -27,11 +27,10 @@ from matplotlib.artist import Artist
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from hdvplan.api import plan, prove
+from hdvplan.api import plan, prove, replanned
 from hdvplan.case import Case
 from hdvplan.cli.app import run
 from hdvplan.fileio import json_bytes, write_atomically
-from hdvplan.finer import replanned
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.network.extract import RECORD as EXTRACT
 from hdvplan.record import NAME, command, now

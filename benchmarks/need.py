@@ -17,10 +17,9 @@ from time import process_time
 import pandas as pd
 from cases import case_within, free_case, suite_roads, words, write_results
 
-from hdvplan.api import plan
+from hdvplan.api import plan, replanned
 from hdvplan.case import Case
 from hdvplan.errors import PlanError
-from hdvplan.finer import replanned
 from hdvplan.judging.result import body_name
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, need_of

@@ -18,9 +18,8 @@ import pandas as pd
 from cases import case_within, free_case, suite_roads, words, write_results
 from matplotlib.figure import Figure
 
-from hdvplan.api import plan
+from hdvplan.api import clearest, plan
 from hdvplan.case import Case
-from hdvplan.finer import clearest
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.tracking import Tracking
 from hdvplan.judging.verdict import verdict_of

@@ -20,15 +20,15 @@ from hdvplan.version import __version__
 
 if TYPE_CHECKING:
     from hdvplan import study as study
+    from hdvplan.api import clearest as clearest
     from hdvplan.api import judge as judge
     from hdvplan.api import plan as plan
     from hdvplan.api import prove as prove
+    from hdvplan.api import replanned as replanned
     from hdvplan.api import solver as solver
     from hdvplan.case import Case as Case
     from hdvplan.driving.given import GivenPath as GivenPath
     from hdvplan.errors import HdvplanError as HdvplanError
-    from hdvplan.finer import clearest as clearest
-    from hdvplan.finer import replanned as replanned
     from hdvplan.judging.legs import LegsResult as LegsResult
     from hdvplan.judging.result import Result as Result
     from hdvplan.judging.verdict import verdict_of as verdict_of
@@ -85,9 +85,9 @@ _HOMES = {
     "plan_legs": "hdvplan.legs",
     "prove": "hdvplan.api",
     "beside_swept": "hdvplan.road.meeting",
-    "clearest": "hdvplan.finer",
+    "clearest": "hdvplan.api",
     "closed_loop": "hdvplan.loop.closed",
-    "replanned": "hdvplan.finer",
+    "replanned": "hdvplan.api",
     "solver": "hdvplan.api",
     "study": "hdvplan.study",
     "summary_of": "hdvplan.report.summary",

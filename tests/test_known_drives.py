@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from hdvplan import api
+from hdvplan.api import replanned
 from hdvplan.case import Case
-from hdvplan.finer import replanned
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.vehicle.load import load_vehicle

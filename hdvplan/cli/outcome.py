@@ -36,7 +36,6 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
     One that fits with hardly any room to spare is returned with how much another can keep.
     """
     from hdvplan import api
-    from hdvplan.finer import LONG_M, clearest, is_near, replanned
     from hdvplan.judging.verdict import verdict_of
 
     if proof and verdict_of(result).fits is False:
@@ -44,21 +43,21 @@ def looked_again(result: Result, *, proof: bool, refine: bool, quiet: bool) -> R
             result = api.prove(result, on_progress=on_progress)
     if refine and verdict_of(result).fits is False:
         with progress("planning again so that less is lacking", quiet=quiet) as on_progress:
-            result = replanned(result, on_progress=on_progress)
-    if not (refine and result.planned and is_near(result)):
+            result = api.replanned(result, on_progress=on_progress)
+    if not (refine and result.planned and api.is_near(result)):
         return result
-    if result.drive.road.path.length > LONG_M:
+    if result.drive.road.path.length > api.LONG_M:
         note("the plan comes as near as limits allow; --clearance M keeps it away from them", quiet=quiet)
     else:
         with progress("looking for the largest clearance", quiet=quiet) as on_progress:
-            most = clearest(result, on_progress=on_progress).case.settings.clearance
+            most = api.clearest(result, on_progress=on_progress).case.settings.clearance
             result = replace(result, most_clearance=most)
     return result
 
 
 def cleared(result: Result, *, quiet: bool) -> Result:
     """Return the plan with the largest clearance that can be kept, of one that fits, and say what it gives the driver."""
-    from hdvplan.finer import clearest
+    from hdvplan.api import clearest
     from hdvplan.judging.envelope import steering_of
     from hdvplan.judging.verdict import stray_text
 

@@ -20,7 +20,6 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case, content_digest
 from hdvplan.errors import HdvplanError, OptionError, PlanError, QpDataError, RoadError, SolverError
 from hdvplan.fileio import write_atomically
-from hdvplan.finer import clearest, replanned
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.machine import software
 from hdvplan.need.answer import need_of
@@ -119,9 +118,9 @@ def _plan(cell: Cell, case: Case, row: Row, places: list[Row]) -> str:
     if cell.prove and verdict_of(result).fits is False:
         result = api.prove(result)
     if cell.refine:
-        result = replanned(result)
+        result = api.replanned(result)
     if cell.setup.clearest:
-        result = clearest(result)
+        result = api.clearest(result)
     summary = summary_of(result, forecast=False)  # no column of a study has it
     row["case"] = result.case.key  # of the stations that it was planned with
     row |= taken(summary, SUMMARY) | taken(summary, STEPS)

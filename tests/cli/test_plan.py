@@ -155,7 +155,7 @@ def test_a_plan_that_comes_near_its_limits_tells_the_largest_clearance(cli: Cli,
 
 
 def test_a_plan_of_a_long_road_that_comes_near_its_limits_says_what_asks_for_room(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdvplan.finer.LONG_M", 10.0)
+    monkeypatch.setattr("hdvplan.api.LONG_M", 10.0)
     hint = "the plan comes as near as limits allow; --clearance M keeps it away from them"
     assert hint in cli("plan", *VAN).err
     assert "as near as" not in cli("plan", *VAN, "--clearance", "0.2").err
