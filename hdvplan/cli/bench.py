@@ -2,26 +2,108 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from hdvplan.bench import PICTURE
 from hdvplan.bench.suite import Suite, read_suite, suite_of
-from hdvplan.cli.bench_options import BenchFiles, BenchOptions, Decision, Report
-from hdvplan.cli.compare import DECISION, gate, hold_to, measured, told_to_programs
+from hdvplan.cli.compare import DECISION, Decision, Report, gate, hold_to, told_to_programs
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, rows_json, warn, writing
 from hdvplan.cli.help import OUTPUT
-from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.cli.options import OptionsOf, with_settings
+from hdvplan.errors import OptionError
+from hdvplan.report import PICTURES
+from hdvplan.settings import Setting, choice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from hdvplan.bench.comparing.work import CommandWork
     from hdvplan.case import Case
-
 
 _WHAT, _LIMITS, _HOW, _COMPARISON = "What to measure", "Limits", "How to measure", "Comparison"  # groups of options
 _OF_SUITE = dict.fromkeys(("solvers", "vehicles", "roads", "road_ids", "schemes", "objective"), _WHAT)
 _OF_SUITE |= dict.fromkeys(("half_width", "slack", "pinch", "classes"), _LIMITS)
+_MEASURES = ("step_limit", "cell_limit", "memory_limit")  # that need a process which can be ended
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """What a benchmark does besides measuring its suite."""
+
+    suite: Annotated[Path | None, Setting("Read settings from a file; options override them.", "FILE.toml")] = None
+    no_limits: Annotated[bool, Setting("Plan without limits.")] = False
+    in_process: Annotated[bool, Setting("Measure in this process: of the limits only --budget applies, and a crash ends the run.")] = False
+    against: Annotated[
+        str | None,
+        Setting("Measure in alternation with a revision, a release (hdvplan==X) or another interpreter, and compare.", "REV"),
+    ] = None
+    command: Annotated[str | None, Setting("With --against: measure your own command, which prints planning times as JSON.", "CMD")] = None
+    extras: Annotated[str | None, Setting("With --command: install these extras of the project, too, on both sides.", "NAME,...")] = None
+    counters: Annotated[Path | None, Setting("Compare iterations, sizes and envelopes with a committed baseline.", "FILE.csv")] = None
+    renew: Annotated[bool, Setting("Write FILE.csv of --counters instead of comparing.")] = False
+    strict: Annotated[
+        bool, Setting("End with exit code 1 if a cell is not ok; with --against with 3 if noise could hide a change of anything.")
+    ] = False
+
+    def check(self, files: BenchFiles, given: Mapping[str, object], decision: Decision) -> None:
+        """Refuse, by an ``OptionError``, options that contradict each other; ``given`` are those of the suite."""
+        if files.plot is not None:
+            choice("the picture's ending", Path(files.plot).suffix.lower().removeprefix("."), PICTURES)
+        compared = self.against is not None
+        for contradictory, words, hint in (
+            (compared and files.plot is not None, "--plot draws one benchmark, and --against measures several", "leave out --plot"),
+            (
+                not compared and (decision != Decision() or self.command is not None),
+                "--factor, --floor, --expect-changes, --patience, --time-limit and --command need --against",
+                None,
+            ),
+            (self.extras is not None and self.command is None, "--extras needs --command", None),
+            (self.renew and self.counters is None, "--renew needs --counters", None),
+            (
+                self.strict and (self.counters is not None or files.export_qps is not None),
+                "--strict speaks of a benchmark's own cells, or of --against: with --counters and --export-qps exit codes say more",
+                "leave out --strict",
+            ),
+            (
+                compared and self.counters is not None,
+                "--against compares counters with those of REV, not with a file",
+                "leave out --counters",
+            ),
+            (
+                self.in_process and any(name in given for name in _MEASURES),
+                "--step-limit, --cell-limit and --memory-limit need a process that can be ended",
+                "leave out --in-process",
+            ),
+            (
+                files.export_qps is not None and (compared or self.counters is not None or files.plot is not None),
+                "--export-qps measures nothing, so --against, --counters and --plot do not apply",
+                "leave them out",
+            ),
+        ):
+            if contradictory:
+                raise OptionError(words, hint=hint)
+
+
+@dataclass(frozen=True)
+class BenchFiles:
+    """What a benchmark writes."""
+
+    out: Annotated[Path, Setting("Where to write, and where a stopped run continues.", "DIR")] = Path("hdvplan-bench")
+    fresh: Annotated[bool, Setting("Delete what an earlier run has left in DIR.")] = False
+    plot: Annotated[
+        str | None,
+        Setting("Draw the run [default file: DIR/bench.png]: png, pdf, svg.", "[FILE]"),
+    ] = None
+    export_qps: Annotated[Path | None, Setting("Measure nothing: write the QPs of the drives of the first of --solvers.", "DIR")] = None
+    qp_format: Annotated[
+        str,
+        Setting(
+            "Of --export-qps: matrices, dense (needs pyarrow, of the extra study) or sparse, or stages.",
+            choices=("qpbenchmark", "npz", "acados"),
+        ),
+    ] = "qpbenchmark"
 
 
 def with_picture(arguments: Sequence[str]) -> list[str]:
@@ -69,7 +151,7 @@ def bench(
     given |= {"limits": False} if options.no_limits else {}
     if options.against is not None:
         with told_to_programs(report):
-            return gate(options.against, measured(given, options), out, decision, report, strict=options.strict)
+            return gate(options.against, _measured(given, options), out, decision, report, strict=options.strict)
     wanted = suite_of(read_suite(options.suite, given))
     check_objective(wanted.objective)
     for name in wanted.solvers:
@@ -148,6 +230,25 @@ def bench(
     if failed:
         report_error(f"{failed} of {len(tables['timing'])} cells are not ok", f"{out}/timing.csv has each one's status and message")
     return ExitCode.BROKEN if failed else ExitCode.OK
+
+
+def _measured(given: Mapping[str, object], options: BenchOptions) -> Suite | CommandWork:
+    """Return what a comparison measures, a user's own command or a suite; an ``OptionError`` or ``SolverError`` where it is none."""
+    from hdvplan.bench.comparing.against import SUITE
+    from hdvplan.bench.comparing.work import CommandWork, command_words
+    from hdvplan.plugins import is_reference
+    from hdvplan.solvers.registry import check_solver
+
+    if options.command is not None:
+        if options.suite is not None or given:
+            msg = "--command measures your own command: a suite and its options do not apply"
+            raise OptionError(msg, hint="leave them out")
+        return CommandWork(command_words(options.command), tuple(options.extras.split(",")) if options.extras else ())
+    wanted = suite_of(dict(SUITE) | read_suite(options.suite, given))
+    for name in wanted.solvers:
+        if not is_reference(name):  # each program has its own of these
+            check_solver(name)
+    return wanted
 
 
 def _tolerances(

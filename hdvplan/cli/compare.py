@@ -6,29 +6,74 @@ import os
 import shlex
 import sys
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.bench_options import BenchOptions, Decision, Report
+from hdvplan.bench import ENVELOPE_M, FACTOR, FLOOR_S, PATIENCE_S, TIME_LIMIT_S
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, warn, writing
 from hdvplan.cli.help import OUTPUT
-from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.cli.options import OptionsOf, with_settings
 from hdvplan.errors import HdvplanError, OptionError
+from hdvplan.settings import Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     import pandas as pd
 
+    from hdvplan.bench.comparing.against import Settings
     from hdvplan.bench.comparing.compare import Comparison
     from hdvplan.bench.comparing.decision import Rule
     from hdvplan.bench.comparing.work import CommandWork
     from hdvplan.bench.suite import Suite
 
 DECISION = "Decision"  # options that say what a regression is
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What a regression is."""
+
+    factor: Annotated[float, Setting("A cell that takes more than X times as long has regressed.", "X")] = FACTOR
+    floor: Annotated[float, Setting("Smaller differences of the mean planning step do not count [ms].", "MS")] = 1e3 * FLOOR_S
+    envelope_tolerance: Annotated[float, Setting("Envelopes that differ by less are equal [m].", "M")] = ENVELOPE_M
+    expect_changes: Annotated[bool, Setting("Show changed counters and envelopes, but do not count them as a regression.")] = False
+    patience: Annotated[float, Setting("Where noise hides the answer, measure on for so long [s].", "S")] = PATIENCE_S
+    time_limit: Annotated[float, Setting("A process that takes longer is ended, and named [s].", "S")] = TIME_LIMIT_S
+
+    def settings(self) -> Settings:
+        """Return how two programs, or runs, are compared; an ``OptionError`` where a value is outside its range."""
+        from hdvplan.bench.comparing.against import Settings
+        from hdvplan.bench.comparing.decision import Rule
+
+        for name, seconds in (("--patience", self.patience), ("--time-limit", self.time_limit)):
+            if not seconds >= 0.0 or (seconds == 0.0 and name == "--time-limit"):
+                msg = f"{name} must be a positive number of seconds, not {seconds:g}"
+                raise OptionError(msg)
+        return Settings(Rule(self.factor, 1e-3 * self.floor), self.expect_changes, patience=self.patience, time_limit=self.time_limit)
+
+    def words(self) -> list[str]:
+        """Return the options that make another decision than the usual one."""
+        usual, numbers = Decision(), ("factor", "floor", "patience", "time_limit")
+        changed = [name for name in numbers if getattr(self, name) != getattr(usual, name)]
+        words = [word for name in changed for word in (f"--{name.replace('_', '-')}", f"{getattr(self, name):g}")]
+        return words + ["--expect-changes"] * self.expect_changes
+
+
+@dataclass(frozen=True)
+class Report:
+    """How a comparison is told."""
+
+    reports: Annotated[Path | None, Setting("Also write the comparison as JSON, JUnit XML, Markdown and for dashboards.", "DIR")] = None
+    format_: Annotated[
+        str,
+        Setting("github: an annotation on stdout, tables in the step summary.", names=("--format",), choices=("text", "github")),
+    ] = "text"
+    json: Annotated[bool, Setting("Write JSON to stdout, and nothing else.")] = False
+    quiet: Annotated[bool, Setting("No progress, notes or tables; errors remain.")] = False
 
 
 @with_settings
@@ -124,26 +169,6 @@ def _summarise(markdown: str) -> None:
             file.write(markdown)
     except OSError as error:
         warn(f"cannot write the step summary {summary}: {error.strerror or error}")
-
-
-def measured(given: Mapping[str, object], options: BenchOptions) -> Suite | CommandWork:
-    """Return what a comparison measures, a user's own command or a suite; an ``OptionError`` or ``SolverError`` where it is none."""
-    from hdvplan.bench.comparing.against import SUITE
-    from hdvplan.bench.comparing.work import CommandWork, command_words
-    from hdvplan.bench.suite import read_suite, suite_of
-    from hdvplan.plugins import is_reference
-    from hdvplan.solvers.registry import check_solver
-
-    if options.command is not None:
-        if options.suite is not None or given:
-            msg = "--command measures your own command: a suite and its options do not apply"
-            raise OptionError(msg, hint="leave them out")
-        return CommandWork(command_words(options.command), tuple(options.extras.split(",")) if options.extras else ())
-    wanted = suite_of(dict(SUITE) | read_suite(options.suite, given))
-    for name in wanted.solvers:
-        if not is_reference(name):  # each program has its own of these
-            check_solver(name)
-    return wanted
 
 
 def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision, report: Report, *, strict: bool) -> ExitCode:

@@ -10,8 +10,7 @@ import typer
 from hdvplan.cli.checks import vehicle_named
 from hdvplan.cli.console import ExitCode, note, print_line, progress, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
-from hdvplan.cli.options import Output, Room, VehicleOption, check_folder, file_name
-from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.cli.options import OptionsOf, Output, Room, VehicleOption, check_folder, file_name, with_settings
 from hdvplan.export.budget import Budget
 from hdvplan.planning.settings import PlannerSettings, PlanOptions
 

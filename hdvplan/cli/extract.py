@@ -10,8 +10,7 @@ import typer
 
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, progress, warn, writing
 from hdvplan.cli.help import OUTPUT
-from hdvplan.cli.options import JsonOption, QuietOption, check_folder, file_name
-from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.cli.options import JsonOption, OptionsOf, QuietOption, check_folder, file_name, with_settings
 from hdvplan.settings import Setting
 
 if TYPE_CHECKING:

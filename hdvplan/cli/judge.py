@@ -11,9 +11,8 @@ import typer
 from hdvplan.cli.checks import check_fits, smoothed, vehicle_named
 from hdvplan.cli.console import ExitCode, note, progress, report_error, warn, writing
 from hdvplan.cli.help import LOOP, OUTPUT, PLANNING, ROAD, VEHICLE
-from hdvplan.cli.options import Output, RoadArgument, Room, VehicleOption, check_folder, file_name
+from hdvplan.cli.options import OptionsOf, Output, RoadArgument, Room, VehicleOption, check_folder, file_name, with_settings
 from hdvplan.cli.outcome import looked_again, tell, write
-from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.loop.settings import LoopSettings
 from hdvplan.planning.settings import PlannerSettings, PlanOptions

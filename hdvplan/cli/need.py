@@ -11,9 +11,8 @@ from hdvplan.answers import NO, without_word
 from hdvplan.cli.checks import check_fits, names_in, smoothed, vehicles_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, SITE, VEHICLE
-from hdvplan.cli.options import WRITTEN, Output, RoadOrNoneArgument, Room, VehiclesOption, check_folder, file_name
+from hdvplan.cli.options import WRITTEN, OptionsOf, Output, RoadOrNoneArgument, Room, VehiclesOption, check_folder, file_name, with_settings
 from hdvplan.cli.outcome import warn_of_sides
-from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.cli.turn import MORE_STARTS, answered
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import SIDES, PlannerSettings

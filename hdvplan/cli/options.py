@@ -1,30 +1,181 @@
-"""Options that several commands share. Only Typer is imported here: ``--help`` stays quick."""
+"""Options of commands: those that several share, how they are made of the fields of settings, and what the shell offers after TAB.
+
+Only Typer is imported here: ``--help`` stays quick. Names that are offered come from the same functions as in the commands; the shell
+completes files itself.
+"""
 
 from __future__ import annotations
 
+import inspect
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
 
 import typer
 
-from hdvplan.cli import completion
 from hdvplan.cli.help import OUTPUT, VEHICLE
 from hdvplan.errors import OptionError
 from hdvplan.report import DRAWINGS, PICTURES
-from hdvplan.settings import Setting, choice
+from hdvplan.settings import Field, Setting, choice, fields_of
 
 if TYPE_CHECKING:
     from hdvplan.report.paper import SheetOptions
+
+Offer = Callable[[str], list[str]]  # returns the names that begin so
+
+
+def _offering(names: Callable[[], Sequence[str]]) -> Offer:
+    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
+
+
+@_offering
+def offered_roads() -> list[str]:
+    """Offer the shipped roads, examples and scenarios."""
+    from hdvplan.road.scenarios import SCENARIOS, shipped_roads
+
+    return [*shipped_roads(), *SCENARIOS]
+
+
+@_offering
+def offered_vehicles() -> list[str]:
+    """Offer the preset vehicles."""
+    from hdvplan.vehicle.load import preset_names
+
+    return preset_names()
+
+
+@_offering
+def offered_templates() -> list[str]:
+    """Offer the shipped templates of manoeuvres."""
+    from hdvplan.turning.reversing.options import Template
+    from hdvplan.turning.turn import template_names
+
+    return [*template_names(), *Template]
+
+
+@_offering
+def offered_solvers() -> list[str]:
+    """Offer the installed solvers."""
+    from hdvplan.solvers.registry import solver_infos
+
+    return [info.name for info in solver_infos() if info.version is not None]
+
+
+@_offering
+def offered_objectives() -> list[str]:
+    """Offer the objectives."""
+    from hdvplan.planning.settings import objective_names
+
+    return objective_names()
+
+
+def listed(offer: Offer) -> Offer:
+    """Return what completes the last of several names with commas between them."""
+
+    def offered(incomplete: str) -> list[str]:
+        given, comma, last = incomplete.rpartition(",")
+        return [given + comma + name for name in offer(last)]
+
+    return offered
+
+
+def one_of(names: Sequence[str]) -> Offer:
+    """Return what offers those of fixed names that begin so."""
+    return _offering(lambda: names)
+
+
+_COMPLETED = {
+    "solver": offered_solvers,
+    "solvers": listed(offered_solvers),
+    "objective": offered_objectives,
+    "vehicles": listed(offered_vehicles),
+    "roads": listed(offered_roads),
+    "template": offered_templates,
+}
+
+
+@dataclass(frozen=True)
+class OptionsOf:
+    """What a command offers of settings: ``only`` some of them, in a group of its help; ``groups`` and ``words`` are of those that differ.
+
+    The command receives the settings; with ``given`` a dictionary of what the user gave, which another source completes.
+    """
+
+    kind: Any
+    group: str
+    groups: Mapping[str, str] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
+    only: tuple[str, ...] = ()
+    given: bool = False
+
+    def parameters(self) -> dict[str, inspect.Parameter]:
+        """Return the options as parameters for Typer, by the names of their fields."""
+        fields = {name: one for name, one in fields_of(self.kind).items() if one.setting.words and (not self.only or name in self.only)}
+        return {name: self._parameter(one) for name, one in fields.items()}
+
+    def _parameter(self, field: Field) -> inspect.Parameter:
+        (kind, many), least = _typed(field), field.setting.least
+        default = None if self.given or many else field.default
+        shown = typer.Option(
+            *field.options,
+            metavar=field.setting.metavar or "|".join(field.choices) or None,
+            help=self.words.get(field.name, field.setting.words) + (f" At least {least:g}." if least > 0.0 else ""),
+            autocompletion=one_of(field.choices) if field.choices else _COMPLETED.get(field.name),
+            rich_help_panel=self.groups.get(field.name, self.group),
+        )
+        annotation: Any = Annotated[kind if default is not None else kind | None, shown]
+        return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+    def made(self, values: dict[str, Any]) -> Any:  # noqa: ANN401 - the settings
+        """Return what the command receives, of what the user gave; an ``OptionError`` where a value is outside its range."""
+        fields = fields_of(self.kind)
+        chosen = {name: _chosen(fields[name], value) for name, value in values.items() if value is not None}
+        return chosen if self.given else self.kind(**chosen)
+
+
+def _typed(field: Field) -> tuple[Any, bool]:
+    if get_origin(field.kind) is tuple:
+        return (str, False) if field.setting.listed else (list[str], True)
+    if get_args(field.kind) or (isinstance(field.kind, type) and issubclass(field.kind, StrEnum)):
+        return str, False
+    return field.kind, False
+
+
+def _chosen(field: Field, value: Any) -> Any:  # noqa: ANN401 - of any field
+    if field.choices and isinstance(value, str):
+        return field.kind(choice(field.options[0], value, field.choices))
+    if get_origin(field.kind) is tuple:
+        return tuple(value) if isinstance(value, list) else tuple(one.strip() for one in value.split(",") if one.strip())
+    return value
+
+
+def with_settings(command: Callable[..., int]) -> Callable[..., int]:
+    """Give a command the options of its settings in the place of each parameter that is annotated with ``OptionsOf``."""
+    own = inspect.signature(command, eval_str=True).parameters
+    parts = {name: part for name, mine in own.items() for part in get_args(mine.annotation)[1:] if isinstance(part, OptionsOf)}
+    options = {name: part.parameters() for name, part in parts.items()}
+
+    @wraps(command)
+    def run(**given: Any) -> int:  # noqa: ANN401 - options
+        for name, part in parts.items():
+            given[name] = part.made({field: given.pop(field) for field in options[name]})
+        return command(**given)
+
+    shown = [one for name, mine in own.items() for one in (options[name].values() if name in parts else [mine])]
+    run.__signature__ = inspect.Signature([one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in shown])  # type: ignore[attr-defined] # where Typer looks for them
+    return run
+
 
 _LONGEST_NAME = 110  # bytes; a file's name has up to 255
 
 _ROAD = typer.Argument(
     metavar="ROAD",
     help="A road file (CSV, GeoJSON, OpenDRIVE, Lanelet2, or a format that GDAL reads), or a name from `hdvplan roads list`.",
-    autocompletion=completion.roads,
+    autocompletion=offered_roads,
 )
 RoadArgument = Annotated[str, _ROAD]
 RoadOrNoneArgument = Annotated[str | None, _ROAD]
@@ -32,7 +183,7 @@ _VEHICLE = typer.Option(
     "--vehicle",
     metavar="NAME|FILE.toml",
     help="A name from `hdvplan vehicles list`, or a vehicle file.",
-    autocompletion=completion.vehicles,
+    autocompletion=offered_vehicles,
     rich_help_panel=VEHICLE,
 )
 VehicleOption = Annotated[str, _VEHICLE]
@@ -42,7 +193,7 @@ VehiclesOption = Annotated[
         "--vehicle",
         metavar="NAME|FILE.toml,...",
         help="A name from `hdvplan vehicles list`, or a vehicle file; several, separated by commas, are compared.",
-        autocompletion=completion.listed(completion.vehicles),
+        autocompletion=listed(offered_vehicles),
         rich_help_panel=VEHICLE,
     ),
 ]

@@ -11,9 +11,8 @@ from hdvplan.cli.checks import check_bias, check_fits, meeting_of, refuse_on, sm
 from hdvplan.cli.console import note, progress, warn, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.legs import LAST, LEAD, finish, legs_in
-from hdvplan.cli.options import Output, RoadArgument, Room, VehiclesOption, check_folder, file_name
+from hdvplan.cli.options import OptionsOf, Output, RoadArgument, Room, VehiclesOption, check_folder, file_name, with_settings
 from hdvplan.cli.outcome import cleared, compare, looked_again, plan_long, tell, write
-from hdvplan.cli.settings import OptionsOf, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import LARGEST, PlannerSettings, PlanOptions
 from hdvplan.report import DRAWINGS

@@ -14,8 +14,7 @@ from hdvplan.cli import extract
 from hdvplan.cli.checks import smoothed
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, writing
 from hdvplan.cli.help import OUTPUT, ROAD, VEHICLE, Command
-from hdvplan.cli.options import JsonOption, RoadArgument, Room
-from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.cli.options import JsonOption, OptionsOf, RoadArgument, Room, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.road.options import RoadOptions
 from hdvplan.settings import Setting, choice

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli import completion
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress
-from hdvplan.cli.options import JsonOption
+from hdvplan.cli.options import JsonOption, offered_solvers
 
 if TYPE_CHECKING:
     from hdvplan.bench.contract import Finding
@@ -26,7 +25,7 @@ def solvers(
             "--check",
             metavar="NAME",
             help="Test this solver against the contract of all solvers; your own: package.module:Class, file.py:Class.",
-            autocompletion=completion.solvers,
+            autocompletion=offered_solvers,
         ),
     ] = None,
     json: JsonOption = False,

@@ -11,8 +11,7 @@ import typer
 from hdvplan.answers import WORDS
 from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
 from hdvplan.cli.help import OUTPUT
-from hdvplan.cli.options import JsonOption, QuietOption
-from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.cli.options import JsonOption, OptionsOf, QuietOption, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.settings import Setting
 

@@ -12,8 +12,7 @@ import typer
 from hdvplan.cli.checks import vehicle_named
 from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, SITE
-from hdvplan.cli.options import WRITTEN, Output, VehicleOrNoneOption, check_folder, file_name
-from hdvplan.cli.settings import OptionsOf, with_settings
+from hdvplan.cli.options import WRITTEN, OptionsOf, Output, VehicleOrNoneOption, check_folder, file_name, with_settings
 from hdvplan.errors import OptionError
 from hdvplan.report import TURN_DRAWINGS
 from hdvplan.settings import Setting, choice

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli import completion
 from hdvplan.cli.console import ExitCode, note, print_json, print_tables, writing
 from hdvplan.cli.help import OUTPUT, Command
-from hdvplan.cli.options import JsonOption, file_name
+from hdvplan.cli.options import JsonOption, file_name, offered_vehicles
 from hdvplan.errors import OptionError
 from hdvplan.report import PICTURES
 from hdvplan.settings import choice
@@ -57,7 +56,7 @@ def _row(vehicle: Vehicle) -> tuple[str, ...]:
 def show_vehicle(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME", help="A name from `hdvplan vehicles list`, or a vehicle file.", autocompletion=completion.vehicles),
+        typer.Argument(metavar="NAME", help="A name from `hdvplan vehicles list`, or a vehicle file.", autocompletion=offered_vehicles),
     ],
     file: Annotated[Path | None, typer.Argument(metavar="FILE", help="The picture of --plot [default: NAME.png]; png, pdf or svg.")] = None,
     plot: Annotated[bool, typer.Option("--plot", help="Draw the vehicle with its dimensions instead.", rich_help_panel=OUTPUT)] = False,
