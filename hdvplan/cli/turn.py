@@ -111,7 +111,7 @@ def turn(
     if output.drawn_on() is not None:
         msg = "--sheet is for the templates that reverse"
         raise OptionError(msg, hint="--format pdf draws the turn as a picture, --format dxf to scale for CAD")
-    from hdvplan.report.turns import turn_json, turn_table, write_turn
+    from hdvplan.report.manoeuvres import turn_json, turn_table, write_turn
     from hdvplan.turning.turn import broken_words, verdict
     from hdvplan.turning.turn import turn as drive
 
@@ -135,7 +135,7 @@ def turn(
 
 def answered(template: Template, vehicle: str, site: SiteOptions, output: Output, *, starts: int, called: str) -> ExitCode:
     """Make a manoeuvre, write it into files ``called`` so, print it, and return the exit code; ``need`` tries all numbers of legs."""
-    from hdvplan.report.reversals import reversal_json, reversal_tables, write_reversal
+    from hdvplan.report.manoeuvres import reversal_json, reversal_tables, write_reversal
     from hdvplan.turning.reversing.answer import reversing
     from hdvplan.turning.reversing.words import details, refusal, verdict
 

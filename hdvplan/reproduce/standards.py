@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from hdvplan.answers import room_text
 from hdvplan.errors import TurnError
 from hdvplan.report.manoeuvre_plots import turns_figure
-from hdvplan.report.turns import turn_json
+from hdvplan.report.manoeuvres import turn_json
 from hdvplan.reproduce import published
 from hdvplan.reproduce.study import NOT_EXPLAINED, Progress, Row, Study
 from hdvplan.turning.follow import Followed

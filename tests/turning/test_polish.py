@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hdvplan.report.reversals import reversal_json
+from hdvplan.report.manoeuvres import reversal_json
 from hdvplan.turning.reversing import answer as answering
 from hdvplan.turning.reversing.answer import Answer, reversing
 from hdvplan.turning.reversing.legs import Draft

@@ -14,7 +14,7 @@ from matplotlib.text import Annotation
 from hdvplan.errors import OptionError, TurnError
 from hdvplan.report.manoeuvre_layers import leg_area
 from hdvplan.report.manoeuvre_plots import reversal_figure
-from hdvplan.report.reversals import reversal_json, reversal_tables
+from hdvplan.report.manoeuvres import reversal_json, reversal_tables
 from hdvplan.turning.reversing.answer import Answer, reversing
 from hdvplan.turning.reversing.legs import driven, posed, wheels_at_stop
 from hdvplan.turning.reversing.options import SiteOptions, Template

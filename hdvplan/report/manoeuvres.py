@@ -1,4 +1,4 @@
-"""What is said, drawn and written about a manoeuvre of forward and backward legs. The JSON file comes last."""
+"""What is said, drawn and written about manoeuvres: prescribed turns, and forward and backward legs. The JSON file comes last."""
 
 from __future__ import annotations
 
@@ -16,17 +16,94 @@ from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
 from hdvplan.fileio import Together, csv_bytes, json_bytes
+from hdvplan.judging.result import body_name
 from hdvplan.report import PICTURES, TURN_DRAWINGS
 from hdvplan.report.files import SHEET, drawing_bytes
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import System
-from hdvplan.report.manoeuvre_layers import line_of, reversal_features, view_of
+from hdvplan.report.manoeuvre_layers import line_of, reversal_features, turn_features, view_of
 from hdvplan.report.paper import SheetOptions
 from hdvplan.road.crs import LONLAT, placed
+from hdvplan.turning.follow import Followed
+from hdvplan.turning.reversing import words
 from hdvplan.turning.reversing.answer import Answer
-from hdvplan.turning.reversing.words import arms_text, closed_form, details, verdict
+from hdvplan.turning.turn import Turn, manoeuvre_words, verdict
 
 Json = dict[str, Any]
+
+
+def turn_json(turn: Turn) -> Json:
+    """Return the figures under the command line's names; metres and degrees, lists by unit or coupling from the front."""
+    figures, manoeuvre = turn.figures, turn.driven.manoeuvre
+    return {
+        "vehicle": turn.driven.vehicle.name,
+        "text": [verdict(turn)],
+        "template": None if turn.template is None else turn.template.name,
+        "source": None if turn.template is None else turn.template.source,
+        "guide": str(manoeuvre.point),
+        "radius_m": manoeuvre.radius,
+        "angle_deg": None if manoeuvre.angle is None else float(np.rad2deg(manoeuvre.angle)),
+        "ramp_m": manoeuvre.ramp,
+        "standstill": manoeuvre.standstill,
+        "min_inside_radius_m": figures.bodies.inside,
+        "max_outside_radius_m": figures.bodies.outside,
+        "min_inside_radius_wheels_m": figures.wheels.inside,
+        "max_outside_radius_wheels_m": figures.wheels.outside,
+        "swept_width_m": figures.swept_width,
+        "off_tracking_m": max(figures.off_tracking),
+        "off_tracking_axles_m": list(figures.off_tracking),
+        "tail_swing_m": max(figures.tail_swing),
+        "tail_swing_units_m": list(figures.tail_swing),
+        "frontal_swing_m": figures.frontal_swing,
+        "articulation_deg": [float(np.rad2deg(angle)) for angle in figures.articulation],
+        "steering_deg": float(np.rad2deg(figures.steering)),
+        "complies": turn.complies,
+        "limits": [
+            {"figure": one.name, "least_m" if one.least else "most_m": one.value, "spare_m": one.spare(figures), "kept": one.kept(figures)}
+            for one in turn.limits
+        ],
+    }
+
+
+def turn_table(turn: Turn, directory: str) -> Table:
+    """Return the figures: a quantity, its value and unit, and a remark a row."""
+    figures, vehicle = turn.figures, turn.driven.vehicle
+    names = [body_name(vehicle, unit) for unit in range(len(vehicle.units))]
+    steady = "in the steady circle" if turn.driven.manoeuvre.angle is None else "largest along the turn"
+    metres = [
+        ("inside radius", figures.bodies.inside, f"bodies; wheels {figures.wheels.inside:.3f}"),
+        ("outside radius", figures.bodies.outside, f"bodies; wheels {figures.wheels.outside:.3f}"),
+        ("swept width", figures.swept_width, steady),
+        *(
+            ("off-tracking", off, f"axle of the {name}, inside the front axle's track")
+            for name, off in zip(names, figures.off_tracking, strict=True)
+        ),
+        *(("tail swing", swing, f"{name}, beyond its side before the turn") for name, swing in zip(names, figures.tail_swing, strict=True)),
+    ]
+    if figures.frontal_swing is not None:
+        metres.append(("frontal swing", figures.frontal_swing, "beyond its side in line with the exit"))
+    couplings = zip(names, names[1:], figures.articulation, strict=False)
+    degrees = [("articulation", angle, f"{ahead} to {behind}, largest") for ahead, behind, angle in couplings]
+    degrees.append(("steering", figures.steering, "front wheels, largest"))
+    rows = [(name, f"{value:.3f}", "m", remark) for name, value, remark in metres]
+    rows += [(name, f"{np.rad2deg(angle):.1f}", "deg", remark) for name, angle, remark in degrees]
+    source = "" if turn.template is None else f"{turn.template.source}; "
+    title = f"{vehicle.name}, {manoeuvre_words(turn)}"
+    return grid(title, ("", "value", "unit", "remark"), rows, text=("", "unit", "remark"), caption=f"{source}written to {directory}")
+
+
+def poses_table(driven: Followed) -> pd.DataFrame:
+    """Return the drive, one row a pose: s and place of the guided point, lead rear axle, angles [m, rad, 1/m]."""
+    columns = {"s": driven.s, "guide_x": driven.guide[:, 0], "guide_y": driven.guide[:, 1]}
+    columns |= {"x": driven.poses["x"][:, 0], "y": driven.poses["y"][:, 0], "heading": driven.headings[:, 0]}
+    columns |= {f"beta{number}": beta for number, beta in enumerate(driven.beta.T, start=1)}
+    return pd.DataFrame(columns | {"kappa": driven.kappa, "steering": driven.steering}).round(9)
+
+
+def width_table(turn: Turn) -> pd.DataFrame:
+    """Return the swept band along the turn: t, offsets of its edges from the arc and its tangents (inside positive), width [m]."""
+    band = turn.figures.band
+    return pd.DataFrame({"t": band.t, "inner": band.inner, "outer": band.outer, "width": band.width}).round(6)
 
 
 def reversal_json(answer: Answer) -> Json:
@@ -35,7 +112,7 @@ def reversal_json(answer: Answer) -> Json:
     room = answer.room
     return {
         "vehicle": answer.vehicle.name,
-        "text": [verdict(answer), details(answer)],
+        "text": [words.verdict(answer), words.details(answer)],
         "template": str(answer.template),
         "fits": answer.fits,
         "sought": answer.template.sought,
@@ -55,7 +132,7 @@ def reversal_json(answer: Answer) -> Json:
                 "starts": tried.starts,
                 "found_m": list(tried.sizes),
                 "polished": tried.polished,
-                "closed_form_m": closed_form(answer.vehicle, answer.template, tried),
+                "closed_form_m": words.closed_form(answer.vehicle, answer.template, tried),
             }
             for tried in answer.tried
         ],
@@ -85,7 +162,7 @@ def reversal_tables(answer: Answer, directory: str) -> tuple[Table, ...]:
         )
         for leg in summary["legs"]
     ]  # fmt: skip
-    arms = f"arms: {arms_text(answer)}; " if answer.arms else ""
+    arms = f"arms: {words.arms_text(answer)}; " if answer.arms else ""
     columns = ("leg", "direction", "length [m]", "heading [deg]", "articulation [deg]", "least room [m]", "beside")
     legs = grid(
         f"{answer.vehicle.name}, {answer.template}, {answer.size:.2f} m of {answer.template.words}", columns, rows,
@@ -95,7 +172,7 @@ def reversal_tables(answer: Answer, directory: str) -> tuple[Table, ...]:
     return (legs,) if answer.template.docks else (legs, _tried_table(summary["tried"], answer.template.words))
 
 
-def _tried_table(tried: Sequence[Json], words: str) -> Table:
+def _tried_table(tried: Sequence[Json], sought: str) -> Table:
     """Return what each number of legs needs: found by the best and the worst start, and by a formula where there is one."""
     rows = []
     for one in tried:
@@ -104,7 +181,7 @@ def _tried_table(tried: Sequence[Json], words: str) -> Table:
         rows.append((f"{one['legs']}", *found, "-" if formula is None else f"{formula:.3f}"))
     columns = ("legs", "fits with [m]", "best start [m]", "worst start [m]", "found by", "no swing [m]")
     caption = "no swing: by formula, without swinging out first"
-    return grid(f"{words}, found", columns, rows, caption=caption if any(row[-1] != "-" for row in rows) else None)
+    return grid(f"{sought}, found", columns, rows, caption=caption if any(row[-1] != "-" for row in rows) else None)
 
 
 def reversal_poses(answer: Answer) -> pd.DataFrame:
@@ -148,6 +225,20 @@ def legs_road(answer: Answer) -> Json:
     return {"type": "FeatureCollection", "name": f"{answer.template}", "note": note, "features": features}
 
 
+def write_turn(turn: Turn, directory: Path, *, kinds: Collection[str] = ()) -> None:
+    """Write ``turn.json``, ``poses.csv``, ``width.csv`` and what is drawn, of ``PICTURES`` and ``TURN_DRAWINGS``, into ``directory``.
+
+    An ``OptionError``: the folder holds files of others.
+    """
+    contents: dict[str, Callable[[], bytes]] = {
+        "poses.csv": lambda: csv_bytes(poses_table(turn.driven)),
+        "width.csv": lambda: csv_bytes(width_table(turn)),
+    }
+    contents |= {f"turn.{kind}": partial(_turn_bytes, turn, kind) for kind in kinds}
+    contents["turn.json"] = lambda: json_bytes(turn_json(turn))
+    Together("turn.json", _pictures("turn"), {"turn.json": "swept_width_m"}).write(directory, contents)
+
+
 def write_reversal(answer: Answer, directory: Path, name: str, *, kinds: Collection[str] = (), sheet: SheetOptions | None = None) -> None:
     """Write ``<name>.json``, ``poses.csv``, ``legs.geojson`` and what is drawn, of ``PICTURES`` and ``TURN_DRAWINGS``, into ``directory``.
 
@@ -157,19 +248,31 @@ def write_reversal(answer: Answer, directory: Path, name: str, *, kinds: Collect
         "poses.csv": lambda: csv_bytes(reversal_poses(answer)),
         "legs.geojson": lambda: json_bytes(legs_road(answer), indent=None),
     }
-    contents |= {f"{name}.{kind}": partial(_drawn, answer, kind) for kind in kinds}
+    contents |= {f"{name}.{kind}": partial(_reversal_bytes, answer, kind) for kind in kinds}
     if sheet is not None:
         from hdvplan.report.leg_sheet import reversal_sheet_bytes  # noqa: PLC0415 - Matplotlib takes half a second to import
 
         contents[SHEET] = partial(reversal_sheet_bytes, answer, sheet)
     contents[f"{name}.json"] = lambda: json_bytes(reversal_json(answer))
-    names = (*(f"{name}.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS)), SHEET)
-    Together(f"{name}.json", names, {f"{name}.json": "fits_with_m"}).write(directory, contents)
+    Together(f"{name}.json", (*_pictures(name), SHEET), {f"{name}.json": "fits_with_m"}).write(directory, contents)
 
 
-def _drawn(answer: Answer, kind: str) -> bytes:
+def _pictures(name: str) -> tuple[str, ...]:
+    return tuple(f"{name}.{kind}" for kind in (*PICTURES, *TURN_DRAWINGS))
+
+
+def _turn_bytes(turn: Turn, kind: str) -> bytes:
+    from hdvplan.report.manoeuvre_plots import turn_figure  # noqa: PLC0415 - Matplotlib takes half a second to import
+
+    template = [] if turn.template is None else [f"template: {turn.template.name}; {turn.template.source}"]
+    notes = [verdict(turn), *template, f"vehicle: {turn.driven.vehicle.name}"]
+    system = System(None, "metres; the turn is to the left, mirror it for one to the right")
+    return drawing_bytes(kind, partial(turn_figure, turn), partial(turn_features, turn), notes, system)
+
+
+def _reversal_bytes(answer: Answer, kind: str) -> bytes:
     from hdvplan.report.manoeuvre_plots import reversal_figure  # noqa: PLC0415 - as above
 
     system = System(None, "metres; all turns are to the left, mirror it where one drives on the left")
-    notes = [verdict(answer), details(answer)]
+    notes = [words.verdict(answer), words.details(answer)]
     return drawing_bytes(kind, partial(reversal_figure, answer), partial(reversal_features, answer), notes, system)
