@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -17,15 +16,12 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_details, verdict_line, verdict_of
 from hdvplan.record import NAME, record_of
 from hdvplan.report import DRAWINGS, PICTURES
+from hdvplan.report.cad import drawing_bytes
 from hdvplan.report.geojson import swept_geojson
-from hdvplan.report.layers import Drawn, System, conflict_features, drawing_system, drawn_features, kerb_features, map_system
+from hdvplan.report.layers import conflict_features, drawn_features, kerb_features
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import Json, summary_of
 from hdvplan.road.regions import Region, outlines_of
-from hdvplan.road.road import Road
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SHEET = "sheet.pdf"
 SWEPT, REGIONS, LIMITS = "swept.geojson", "regions.json", "limits.json"
@@ -194,27 +190,6 @@ def limits_json(result: Result) -> list[Json]:
         }
         for drawn in (*kerb_features(result), *conflict_features(result))
     ]
-
-
-def drawing_bytes(
-    kind: str, figure: Callable[[], Figure], features: Callable[[], Sequence[Drawn]], notes: Sequence[str], where: Road | System
-) -> bytes:
-    """Return a file of one of ``PICTURES``, of ``figure``, or of ``DRAWINGS``, of ``features`` under the lines ``notes``.
-
-    These are in the coordinate system ``where``, that of a road or one that suits the kind.
-    """
-    if kind not in DRAWINGS:
-        from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - GDAL, ezdxf and Matplotlib take a while to import
-
-        return figure_bytes(figure(), kind)
-    if kind == "gpkg":
-        from hdvplan.report.geopackage import geopackage_bytes  # noqa: PLC0415 - as above
-
-        return geopackage_bytes(features(), where if isinstance(where, System) else map_system(where))
-    from hdvplan.report.dxf import dxf_bytes  # noqa: PLC0415 - as above
-
-    system, notice = (where, None) if isinstance(where, System) else (drawing_system(where), where.notice)
-    return dxf_bytes(features(), system, notes, notice)
 
 
 def drawn_bytes(result: Result, kind: str, fails: str = "") -> bytes:

@@ -16,7 +16,8 @@ from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import JACKKNIFE, LegsResult
 from hdvplan.judging.result import Result
 from hdvplan.record import NAME, record_of
-from hdvplan.report.files import FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, drawing_bytes, path_table, regions_json
+from hdvplan.report.cad import drawing_bytes
+from hdvplan.report.files import FILES, FILM, REGIONS, SHEET, SWEPT, TABLES, Table, path_table, regions_json
 from hdvplan.report.geojson import region_feature, swept_features
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features, of_body, region_features
 from hdvplan.report.paper import SheetOptions

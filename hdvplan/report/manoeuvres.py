@@ -18,7 +18,8 @@ from hdvplan.arrays import FloatArray
 from hdvplan.fileio import Together, csv_bytes, json_bytes
 from hdvplan.judging.result import body_name
 from hdvplan.report import PICTURES, TURN_DRAWINGS
-from hdvplan.report.files import SHEET, drawing_bytes
+from hdvplan.report.cad import drawing_bytes
+from hdvplan.report.files import SHEET
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import System
 from hdvplan.report.manoeuvre_layers import line_of, reversal_features, turn_features, view_of

@@ -20,7 +20,8 @@ from hdvplan.need.search import TOLERANCE_M, WIDE_M, on_road
 from hdvplan.need.widening import Widening, Widenings
 from hdvplan.record import NAME, record_of
 from hdvplan.report import BREACH, DRAWINGS, PICTURES
-from hdvplan.report.files import SHEET, drawing_bytes, driven_notes
+from hdvplan.report.cad import drawing_bytes
+from hdvplan.report.files import SHEET, driven_notes
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
 from hdvplan.report.layers import Drawn, Layer, Value, drawn_features

@@ -20,7 +20,7 @@ import pandas as pd
 import pytest
 
 from hdvplan.fileio import csv_bytes
-from hdvplan.report.dxf import _literal
+from hdvplan.report.cad import _literal
 from hdvplan.texts import printable
 from tests.cli.conftest import Cli, Outcome
 

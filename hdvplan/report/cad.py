@@ -1,34 +1,37 @@
-"""A DXF drawing in metres: polylines on layers, with what a CAD program needs to draw and to switch them."""
+"""A drawing as a file: a picture, DXF for CAD, whose polylines lie on layers that can be switched, or GeoPackage for GIS."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from ezdxf import units
-from ezdxf.enums import TextEntityAlignment
-from ezdxf.filemanagement import new
+from numpy.typing import NDArray
 
 from hdvplan.judging.bodies import TRACK_NOTE
-from hdvplan.report.layers import Drawn, Layer, System
+from hdvplan.report import DRAWINGS
+from hdvplan.report.layers import Drawn, Layer, System, drawing_system, map_system
 from hdvplan.road.regions import polygons_of
+from hdvplan.road.road import Road
 from hdvplan.texts import printable
 from hdvplan.version import __version__
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
     from ezdxf.layouts.layout import Modelspace
+    from matplotlib.figure import Figure
 
+_NOWHERE = 'LOCAL_CS["metres of the road file",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'  # of a GeoPackage
 _VERSION = "R2010"
 _TEXT_M = 0.5  # height of what is written beside places
 _NOTES_SHARE, _NOTES_M = 1.0 / 120.0, (0.8, 20.0)  # height of the notes: of the drawing's larger side, and within these [m]
 _BODIES_ACI = (150, 30, 92, 213)  # blue, orange, green, magenta as in the pictures, to be seen on white and on black
 _NOTES = "NOTES"
-
 
 _LOOKS: dict[Layer, tuple[int, str, int]] = {  # colour index, linetype and line width [mm / 100]
     Layer.ROAD: (8, "CENTER", 25),
@@ -46,12 +49,32 @@ _LOOKS: dict[Layer, tuple[int, str, int]] = {  # colour index, linetype and line
 _HATCHED = (Layer.CONFLICTS, Layer.WIDENING)
 
 
+def drawing_bytes(
+    kind: str, figure: Callable[[], Figure], features: Callable[[], Sequence[Drawn]], notes: Sequence[str], where: Road | System
+) -> bytes:
+    """Return a file of one of ``PICTURES``, of ``figure``, or of ``DRAWINGS``, of ``features`` under the lines ``notes``.
+
+    These are in the coordinate system ``where``, that of a road or one that suits the kind.
+    """
+    if kind not in DRAWINGS:
+        from hdvplan.report.style import figure_bytes  # noqa: PLC0415 - Matplotlib, GDAL and ezdxf take a while to import
+
+        return figure_bytes(figure(), kind)
+    if kind == "gpkg":
+        return geopackage_bytes(features(), where if isinstance(where, System) else map_system(where))
+    system, notice = (where, None) if isinstance(where, System) else (drawing_system(where), where.notice)
+    return dxf_bytes(features(), system, notes, notice)
+
+
 def dxf_bytes(features: Sequence[Drawn], system: System, notes: Sequence[str], notice: str | None = None) -> bytes:
     """Return a drawing of ``features`` in ``system``, with the lines ``notes`` above everything else.
 
     Below them stands what coordinates and wheel tracks are, who drew them, and the ``notice`` of the road's source.
     ``$INSUNITS`` is metres. Areas are closed polylines, holes too; every body has separate layers.
     """
+    from ezdxf import units  # noqa: PLC0415 - as above
+    from ezdxf.filemanagement import new  # noqa: PLC0415 - as above
+
     how_to_read = [f"coordinates: {system.note}", f"wheel tracks: {TRACK_NOTE}", f"hdvplan {__version__}"]
     document = new(_VERSION, setup=True)
     document.units = units.M
@@ -74,6 +97,8 @@ def dxf_bytes(features: Sequence[Drawn], system: System, notes: Sequence[str], n
 
 
 def _draw(document: Drawing, space: Modelspace, feature: Drawn, system: System) -> None:
+    from ezdxf.enums import TextEntityAlignment  # noqa: PLC0415 - as above
+
     layer = _layer(document, feature)
     placed = system.place(feature.geometry)
     if isinstance(placed, shapely.LineString):
@@ -119,3 +144,44 @@ def _plain(line: str) -> str:
 def _literal(line: str) -> str:
     """Return a line without what TEXT reads as a command: carets and percent signs are spaced, control signs are numbers."""
     return printable(line).replace("^", "^ ").replace("%%", "% %")
+
+
+def geopackage_bytes(features: Sequence[Drawn], system: System) -> bytes:
+    """Return a GeoPackage, for QGIS and other map programs, of ``features`` in ``system``; layers without any are left out.
+
+    Areas are MultiPolygons.
+    """
+    import pyogrio  # noqa: PLC0415 - as above
+
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "plan.gpkg"
+        for layer in Layer:
+            of_layer = [feature for feature in features if feature.layer is layer]
+            if not of_layer:
+                continue
+            fields, lines = list(of_layer[0].properties), isinstance(of_layer[0].geometry, shapely.LineString)
+            places = [system.place(feature.geometry) for feature in of_layer]
+            shapes = places if lines else [shapely.MultiPolygon(polygons_of(place)) for place in places]
+            pyogrio.raw.write(
+                path,
+                shapely.to_wkb(np.array(shapes, dtype=object)),
+                [_column(of_layer, name) for name in fields],
+                fields,
+                layer=str(layer),
+                driver="GPKG",
+                crs=system.name or _NOWHERE,
+                geometry_type="LineString" if lines else "MultiPolygon",
+                append=path.exists(),
+                layer_metadata={"coordinates": system.note},
+            )
+        return path.read_bytes()
+
+
+def _column(features: Sequence[Drawn], name: str) -> NDArray[np.generic]:
+    """Return a property of all features of a layer: numbers, with NaN where there is none, or words."""
+    values = [feature.properties[name] for feature in features]
+    if all(isinstance(value, int) for value in values):
+        return np.array(values, dtype=np.int64)
+    if all(isinstance(value, float | None) for value in values) and any(value is not None for value in values):
+        return np.array([np.nan if value is None else value for value in values])
+    return np.array(values, dtype=object)
