@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from hdvplan.arrays import runs_of
 from hdvplan.case import Case
 from hdvplan.judging.bodies import part_named
 from hdvplan.judging.clearance import SIDES
@@ -194,7 +195,5 @@ def _places(least: Least, sides: tuple[str, ...], place: float | None) -> list[S
         return [] if place is None else [Stretch(place, place, 0.0)]
     s = least.result.envelope.s
     gap = np.min([np.min(of_units, axis=0) for (side, _), of_units in least.result.gaps.items() if side in sides], axis=0)
-    near = gap < np.min(gap) + _WITHIN_M
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
-    runs = [slice(begin, end) for begin, end in zip(ends[::2], ends[1::2], strict=True)]
+    runs = [slice(begin, end) for begin, end in runs_of(gap < np.min(gap) + _WITHIN_M)]
     return [Stretch(float(s[run][0]), float(s[run][-1]), -float(np.min(gap[run]))) for run in runs]

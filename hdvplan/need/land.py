@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hdvplan.arrays import BoolArray, FloatArray, Records
+from hdvplan.arrays import BoolArray, FloatArray, Records, chord_of
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.bodies import corners, united
@@ -204,8 +204,7 @@ def _patch(part: Kerb, line: shapely.LineString, area: BaseGeometry) -> Patch:
 
 def _along(part: Kerb, line: shapely.LineString, spots: Shapes) -> FloatArray:
     """Return the road's arclengths beside places at a kerb, whose points make ``line`` [m]."""
-    at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(part.points, axis=0).T))])
-    return np.interp(shapely.line_locate_point(line, spots), at, part.s)
+    return np.interp(shapely.line_locate_point(line, spots), chord_of(part.points), part.s)
 
 
 def _spots(points: FloatArray) -> Shapes:

@@ -20,6 +20,7 @@ Row = dict[str, object]  # of a table, by its columns
 Smoothed = tuple[RoadSource, RoadOptions]  # what tells one smoothed road from another
 SETTINGS = tuple(field.name for field in fields(PlannerSettings) if field.name != "scheme")
 
+TIGHTEST, BREACH, DEAD_END, WIDENING = "tightest", "breach", "no plan", "widening"  # where on a road something decides
 TEXT, NUMBER, COUNT, TRUTH, SHAPE = "text", "number", "count", "truth", "shape"
 PARALLEL = "parallel_"  # begins the names of what was measured beside other work: no benchmark, and never twice the same
 

@@ -87,7 +87,7 @@ class Results:
         """Return the places that keep vehicles out, those that need the least widening first."""
         import pandas as pd  # noqa: PLC0415 - slow to load
 
-        from hdvplan.study.ranking import WORDS  # noqa: PLC0415 - as above
+        from hdvplan.study.tables import WORDS  # noqa: PLC0415 - as above
 
         words = dict.fromkeys(WORDS, str)  # a road may be called 007, or NA
         return pd.read_csv(self.folder / RANKING, dtype=words, keep_default_na=False, na_values=[""])
@@ -191,8 +191,7 @@ def _begun(study: Study, folder: Path, engine: Engine) -> Json:
 
 def _finished(folder: Path, varied: tuple[str, ...], record: Json) -> Results:
     from hdvplan.study.map_page import write_page  # noqa: PLC0415 - they load pandas, which needs memory that cells have use for
-    from hdvplan.study.ranking import ranking_of, straying_of  # noqa: PLC0415 - as above
-    from hdvplan.study.workbook import write_plain, write_workbook  # noqa: PLC0415 - as above
+    from hdvplan.study.tables import ranking_of, straying_of, write_plain, write_workbook  # noqa: PLC0415 - as above
 
     cells = folder / CELLS
     outcomes, fits = Counter[str](), Counter[str]()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterator
+import struct
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
@@ -20,9 +21,10 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case, content_digest
 from hdvplan.errors import HdvplanError, OptionError, PlanError, QpDataError, RoadError, SolverError
 from hdvplan.fileio import write_atomically
+from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.machine import software
-from hdvplan.need.answer import need_of
+from hdvplan.need.answer import Need, need_of
 from hdvplan.pieces import Piece, pieces_of, planned
 from hdvplan.planning.bias import CENTRE
 from hdvplan.planning.settings import LARGEST
@@ -30,17 +32,17 @@ from hdvplan.plugins import digest_of as file_digest
 from hdvplan.plugins import error_text
 from hdvplan.process import temporary_folder
 from hdvplan.report.joined import joined_summary, kept_of
-from hdvplan.report.needs import need_json
+from hdvplan.report.needs import need_json, patch_json
 from hdvplan.report.summary import summary_of
 from hdvplan.road.line import LONG_M
 from hdvplan.road.load import Found, find_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.road import Road
-from hdvplan.study.cells import NEED, NEED_TIME, STEPS, SUMMARY, Cell, Row, taken
+from hdvplan.study.cells import BREACH, DEAD_END, NEED, NEED_TIME, STEPS, SUMMARY, TIGHTEST, WIDENING, Cell, Row, taken
 from hdvplan.study.engine import FAILED, NO_PLAN, PLANNED, REFUSED, Outcome
 from hdvplan.study.inputs import RoadSource, road_digest
-from hdvplan.study.places import dead_end, places_of, widening_places
 
+_VERDICT = ("s_m", "x", "y", "lon", "lat", "spare_m", "side", "unit", "part", "region", "obstacle")  # of the tightest place
 _SPACING_M = 2.0  # of the line that stands for a road in tables
 _SIMPLER_M = 0.5  # its points that move it by no more are left out
 _UNPLANNED = (PlanError, QpDataError, SolverError)
@@ -174,6 +176,55 @@ def _need(cell: Cell, road: Road | Found, row: Row, places: list[Row]) -> None:
         return
     row |= taken(need_json(need, perf_counter() - began), (*NEED, NEED_TIME))
     places += widening_places(need)
+
+
+def places_of(summary: Mapping[str, Any], road: Road) -> list[Row]:
+    """Return the tightest place of a plan, its breaches in order of s, and obstacles entered beyond the road's ends, from its summary.
+
+    ``road`` is the plan's, or a part of it: all lie in one plane.
+    """
+    verdict = summary["verdict"]
+    lonlat = None if verdict["lon"] is None else (verdict["lon"], verdict["lat"])
+    tightest = {"kind": TIGHTEST} | {name: verdict[name] for name in _VERDICT} | {"geometry": _point(lonlat)}
+    breaches = [_stretch(BREACH, road, (one["x"], one["y"]), one) | {"spare_m": -one["depth_m"]} for one in summary["breaches"]]
+    entered = [
+        _place(BREACH, road, near["s_m"], (near["x"], near["y"]))
+        | {name: near[name] for name in ("s_from_m", "s_to_m", "side", "unit", "part")}
+        | {"depth_m": -near["distance_m"], "spare_m": near["distance_m"], "obstacle": near["name"]}
+        for near in summary["obstacles"]
+        if near["distance_m"] < -KEPT_M and not 0.0 <= near["s_m"] <= summary["length_m"]
+    ]
+    return [tightest, *breaches, *entered]
+
+
+def dead_end(road: Road, s: float, begins: float = 0.0) -> Row:
+    """Return the place at arclength ``s`` [m] from which no plan goes on: on the line of a road that begins at arclength ``begins``."""
+    x, y = (float(value[0]) for value in road.path.to_plane(np.array([s - begins]), np.zeros(1)))
+    return _place(DEAD_END, road, s, (x, y))
+
+
+def widening_places(need: Need) -> list[Row]:
+    """Return the middles of the stretches that the widening of least area consists of; none where there is no widening."""
+    widening, road = None if need.widenings is None else need.widenings.area, need.case.road
+    middles = [] if widening is None else [(patch, patch.polygon.representative_point()) for patch in widening.patches]
+    return [_stretch(WIDENING, road, (middle.x, middle.y), patch_json(patch)) for patch, middle in middles]
+
+
+def _stretch(kind: str, road: Road, at: tuple[float, float], stretch: Mapping[str, object]) -> Row:
+    """Return a place with what is told of its stretch of road, the deepest point being its s."""
+    rest = {name: value for name, value in stretch.items() if name not in {"s_from", "s_to", "s_deepest"}}
+    return _place(kind, road, stretch["s_deepest"], at) | {"s_from_m": stretch["s_from"], "s_to_m": stretch["s_to"]} | rest
+
+
+def _place(kind: str, road: Road, s: object, at: tuple[float, float]) -> Row:
+    """Return a point's columns; its geometry is WKB in longitude and latitude."""
+    lonlat = road.lonlat(*at)
+    lon, lat = lonlat or (None, None)
+    return {"kind": kind, "s_m": s, "x": at[0], "y": at[1], "lon": lon, "lat": lat, "geometry": _point(lonlat)}
+
+
+def _point(lonlat: tuple[float, float] | None) -> bytes | None:
+    return None if lonlat is None else struct.pack("<BIdd", 1, 1, *lonlat)
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from hdvplan.report.summary import summary_of
 from hdvplan.road.options import RoadOptions
 from hdvplan.study.cells import SUMMARY, taken
 from hdvplan.study.conduct import Results, run
-from hdvplan.study.places import places_of
 from hdvplan.study.pools import outcome_of
 from hdvplan.study.spec import study_of
+from hdvplan.study.work import places_of
 from tests.study.conftest import InHere
 
 Entries = dict[str, object]

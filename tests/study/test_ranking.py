@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from hdvplan.study.cells import Row, cell_columns, place_columns
-from hdvplan.study.ranking import MERGED_M, ranking_of, straying_of
 from hdvplan.study.store import LINES, POINTS, schema_of, table_file
+from hdvplan.study.tables import MERGED_M, ranking_of, straying_of
 
 METRE = 1.0 / 111_195.0  # of latitude, in degrees on a sphere of 6371 km
 

@@ -11,7 +11,7 @@ import pytest
 from hdvplan.answers import NEEDS, NO, YES, needs_text, room_text
 from hdvplan.study.cells import Row, cell_columns
 from hdvplan.study.store import LINES, schema_of, table_file
-from hdvplan.study.workbook import write_workbook
+from hdvplan.study.tables import write_workbook
 
 
 def _cell(road: str, vehicle: str, **more: object) -> Row:
@@ -63,6 +63,6 @@ def test_of_several_settings_the_best_answer_stands_in_the_row_of_its_width(tmp_
 
 def test_a_study_too_large_for_a_workbook_leaves_none_from_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _sheets(tmp_path, [_cell("lane", name, word=YES, spare_m=0.5) for name in "ab"])
-    monkeypatch.setattr("hdvplan.study.workbook.MOST_CELLS", 1)
+    monkeypatch.setattr("hdvplan.study.tables.MOST_CELLS", 1)
     write_workbook(tmp_path / "table.xlsx", tmp_path / "cells.parquet", ())
     assert not (tmp_path / "table.xlsx").exists()
