@@ -11,9 +11,8 @@ import shapely
 from matplotlib.axes import Axes
 
 from hdvplan.judging.legs import LegsResult
-from hdvplan.report.layers import drawn_features
+from hdvplan.report.layers import drawn_features, view_of
 from hdvplan.report.leg_plots import Stop, draw_legs, stops_of
-from hdvplan.report.manoeuvre_layers import view_of
 from hdvplan.report.manoeuvre_plots import draw_site, stops_in, ways_in
 from hdvplan.report.paper import Page, SheetOptions, Size, map_mm, page_around
 from hdvplan.report.rooms import Room

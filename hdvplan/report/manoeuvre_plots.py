@@ -13,9 +13,8 @@ from matplotlib.patches import PathPatch
 
 from hdvplan.judging.result import body_name
 from hdvplan.report import BREACH, INK, answer_colour, body_colour
-from hdvplan.report.layers import Layer
+from hdvplan.report.layers import Layer, leg_area, line_of, shown_poses, turn_features, view_of
 from hdvplan.report.leg_plots import Stop, Way, draw_lines, draw_stops, draw_swept, ends_of
-from hdvplan.report.manoeuvre_layers import leg_area, line_of, shown_poses, turn_features, view_of
 from hdvplan.report.maps import SLIDE, UNTURNED, draw_bodies, draw_features, outline_of, point, scale_bar
 from hdvplan.report.maps import Turn as TurnOf
 from hdvplan.report.style import ON_WHITE, styled, write_head

@@ -21,8 +21,7 @@ from hdvplan.report import PICTURES, TURN_DRAWINGS
 from hdvplan.report.cad import drawing_bytes
 from hdvplan.report.files import SHEET
 from hdvplan.report.grid import grid
-from hdvplan.report.layers import System
-from hdvplan.report.manoeuvre_layers import line_of, reversal_features, turn_features, view_of
+from hdvplan.report.layers import System, line_of, reversal_features, turn_features, view_of
 from hdvplan.report.paper import SheetOptions
 from hdvplan.road.crs import LONLAT, placed
 from hdvplan.turning.follow import Followed

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from matplotlib.text import Annotation
 
 from hdvplan.errors import OptionError, TurnError
-from hdvplan.report.manoeuvre_layers import leg_area
+from hdvplan.report.layers import leg_area
 from hdvplan.report.manoeuvre_plots import reversal_figure
 from hdvplan.report.manoeuvres import reversal_json, reversal_tables
 from hdvplan.turning.reversing.answer import Answer, reversing
