@@ -129,14 +129,14 @@ class Case:
             "vehicle": asdict(self.vehicle),
             "objective": self.objective_name,
             "solver": self.solver_name,
-            "settings": _settings(self.settings),
+            "settings": settings_json(self.settings),
             "bias_m": _bias(self.bias),
         }
 
     def brief(self) -> Json:
         """Return the case as one of many: names, key, and of the settings and the bias what differs from the defaults."""
-        usual = _settings(_DEFAULTS)
-        other = {name: value for name, value in _settings(self.settings).items() if value != usual[name]}
+        usual = settings_json(_DEFAULTS)
+        other = {name: value for name, value in settings_json(self.settings).items() if value != usual[name]}
         return {
             "key": self.key,
             "road": self.road.name,
@@ -194,7 +194,8 @@ def _content(value: object) -> object:
     raise TypeError(msg)
 
 
-def _settings(settings: PlannerSettings) -> Json:
+def settings_json(settings: PlannerSettings) -> Json:
+    """Return settings for readers: numbers and words."""
     return {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()}
 
 

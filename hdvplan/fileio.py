@@ -231,24 +231,21 @@ class Together:
         """
         directory.mkdir(parents=True, exist_ok=True)
         with locked(directory):
-            self._fill(directory, written, write)
-
-    def _fill(self, directory: Path, written: Collection[str], write: Callable[[Path], None]) -> None:
-        settle(directory)
-        self._refuse_foreign(directory, written)
-        for left in directory.glob(f"{_NEW}.*"):  # of a killed run
-            shutil.rmtree(left, ignore_errors=True)
-        aside = directory / f"{_NEW}.{os.getpid()}"
-        aside.mkdir()
-        try:
-            write(aside)
-            gone = [self.last, *(name for name in self.names if name not in written)]
-            (aside / _GONE).write_text("\n".join(gone), encoding="utf-8")
-            aside.replace(directory / _NEW)  # from now on the new result is the one
-        except BaseException:
-            shutil.rmtree(aside, ignore_errors=True)
-            raise
-        settle(directory)
+            settle(directory)
+            self._refuse_foreign(directory, written)
+            for left in directory.glob(f"{_NEW}.*"):  # of a killed run
+                shutil.rmtree(left, ignore_errors=True)
+            aside = directory / f"{_NEW}.{os.getpid()}"
+            aside.mkdir()
+            try:
+                write(aside)
+                gone = [self.last, *(name for name in self.names if name not in written)]
+                (aside / _GONE).write_text("\n".join(gone), encoding="utf-8")
+                aside.replace(directory / _NEW)  # from now on the new result is the one
+            except BaseException:
+                shutil.rmtree(aside, ignore_errors=True)
+                raise
+            settle(directory)
 
     def _refuse_foreign(self, directory: Path, written: Collection[str]) -> None:
         for name in (*written, *self.names):

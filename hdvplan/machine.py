@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -103,10 +104,8 @@ def _versions(solvers: tuple[str, ...], objectives: tuple[str, ...]) -> dict[str
     versions = {name: known_version(name) for name in solvers if name not in {DEFAULT, *_PACKAGES}}
     versions |= {name: plugins.version_of(plugins.OBJECTIVE, name) for name in objectives if name not in OBJECTIVE_NAMES}
     for name in _PACKAGES:
-        try:
+        with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
     return {name: version for name, version in versions.items() if version is not None}
 
 

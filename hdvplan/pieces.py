@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
+from itertools import chain, islice, tee
 
 from hdvplan.api import drive_case
 from hdvplan.case import Case
@@ -163,14 +164,8 @@ def _reach(vehicle: Vehicle, settings: PlannerSettings) -> float:
 
 def _threes(windows: Iterable[Window]) -> Iterator[tuple[Window | None, Window, Window | None]]:
     """Return every window with the one before and the one after it."""
-    before: Window | None = None
-    here: Window | None = None
-    for after in windows:
-        if here is not None:
-            yield before, here, after
-        before, here = here, after
-    if here is not None:
-        yield before, here, None
+    before, here, after = tee(windows, 3)
+    return zip(chain[Window | None]([None], before), here, chain[Window | None](islice(after, 1, None), [None]), strict=False)
 
 
 def _on_grid(s: float, settings: PlannerSettings) -> float:

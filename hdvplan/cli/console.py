@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.table import Table
 
+    from hdvplan.cli.options import Output
+
 
 _TELL_S = 10.0  # between two lines of progress
 _UNCUT = 1000  # columns: wider than any table
@@ -85,6 +87,16 @@ def answers() -> TextIO:
 def print_json(value: object) -> None:
     """Write ``value`` as JSON to stdout."""
     answers().write(encoded(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n").decode())
+
+
+def print_answer(output: Output, summary: object, lines: Iterable[str], tables: Iterable[Table] = ()) -> None:
+    """Write an answer to stdout as asked for: its summary as JSON, or its lines and tables, or nothing where the user wants silence."""
+    if output.json:
+        print_json(summary)
+    elif not output.quiet:
+        for line in lines:
+            print_line(line)
+        print_tables(*tables)
 
 
 def rows_json(table: DataFrame) -> list[dict[str, object]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hdvplan.answers import NO, without_word
 from hdvplan.cli.checks import warn_far_regions
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn
+from hdvplan.cli.console import ExitCode, note, print_answer, print_tables, progress, report_error, warn
 from hdvplan.cli.outcome import write
 
 if TYPE_CHECKING:
@@ -47,14 +47,10 @@ def finish(driven: LegsResult, directory: Path, output: Output) -> ExitCode:
     from hdvplan.judging.sentences import solver_texts
     from hdvplan.report.leg_files import summary_of_legs, write_legs
 
-    as_json, quiet = output.json, output.quiet
+    quiet = output.quiet
     write(partial(write_legs, driven), directory, output)
     summary = summary_of_legs(driven)
-    if as_json:
-        print_json(summary)
-    elif not quiet:
-        print_line(driven.text)
-        print_line(driven.details)
+    print_answer(output, summary, (driven.text, driven.details))
     for at, result in enumerate(driven.results):
         for text in solver_texts(result):
             warn(f"{driven.called(at)}: {text}", quiet=quiet)
@@ -64,7 +60,7 @@ def finish(driven: LegsResult, directory: Path, output: Output) -> ExitCode:
         nearer = 0.5 * last.road.smoothing.max_deviation
         keeps = f": --smooth {nearer:.2g} keeps nearer to the drawn legs" if nearer >= _FINEST_M else ""
         warn(f"smoothing turned the end of the last leg by {askew:.1f} degrees{keeps}", quiet=quiet)
-    if not as_json and not quiet:
+    if not output.json and not quiet:
         _print_legs(summary, directory)
     if driven.past:  # the plan is not the first one, along the drawn lines
         moved = ", ".join(f"{abs(by):.2f} m {'past' if by >= 0.0 else 'short of'} cusp {at}" for at, by in enumerate(driven.past, start=1))

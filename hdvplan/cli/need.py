@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from hdvplan.answers import NO, without_word
 from hdvplan.cli.checks import check_fits, names_in, smoothed, vehicles_named
-from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
+from hdvplan.cli.console import ExitCode, print_answer, print_line, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, SITE, VEHICLE
 from hdvplan.cli.options import WRITTEN, OptionsOf, Output, RoadOrNoneArgument, Room, VehiclesOption, check_folder, file_name, with_settings
 from hdvplan.cli.outcome import warn_of_sides
@@ -143,15 +143,11 @@ def _told(answers: list[tuple[Need, dict[str, Any]]], directory: Path, output: O
     from hdvplan.report.tables import needs_table
 
     several, summaries = len(answers) > 1, [summary for _, summary in answers]
-    if output.json:
-        print_json(summaries if several else summaries[0])
-    elif not output.quiet:
-        for line in (line for answer, _ in answers for line in need_lines(answer)):
-            print_line(line)
-        widenings = answers[0][0].widenings
-        print_tables(*([needs_table(summaries, f"{directory}/")] if several else [] if widenings is None else widening_tables(widenings)))
-        if not several:
-            print_line(f"written to {directory}/")
+    lines, widenings = (line for answer, _ in answers for line in need_lines(answer)), answers[0][0].widenings
+    tables = [needs_table(summaries, f"{directory}/")] if several else [] if widenings is None else widening_tables(widenings)
+    print_answer(output, summaries if several else summaries[0], lines, tables)
+    if not (several or output.json or output.quiet):
+        print_line(f"written to {directory}/")
     lacking = [answer for answer, _ in answers if answer.room.result is None]
     for answer in lacking:
         report_error(without_word(need_lines(answer)[-1], NO))

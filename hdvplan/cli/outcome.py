@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.answers import NO, without_word
-from hdvplan.cli.console import ExitCode, note, print_json, print_line, print_tables, progress, report_error, warn, writing
+from hdvplan.cli.console import ExitCode, note, print_answer, print_tables, progress, report_error, warn, writing
 from hdvplan.errors import RoadError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from rich.table import Table
 
     from hdvplan.cli.options import Output
     from hdvplan.judging.result import Result
@@ -96,19 +98,15 @@ def tell(result: Result, directory: Path, output: Output, loop: Json | None = No
     from hdvplan.report.summary import summary_of
 
     verdict, summary, quiet = verdict_of(result), summary_of(result), output.quiet
-    if output.json:
-        print_json(summary | ({} if loop is None else {"loop": loop}))
-    elif not quiet:
-        details = [verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
-        lines = [verdict_line(result, verdict), "; ".join(text for text in details if text)]
-        if loop is not None:
-            lines.insert(0 if loop["fits"] is False else len(lines), loop["text"])  # what does not hold is read first
-        for line in lines:
-            print_line(line)
+    details = [verdict_details(result, verdict), tracking_line(result) if verdict.fits else ""]
+    lines = [verdict_line(result, verdict), "; ".join(text for text in details if text)]
+    if loop is not None:
+        lines.insert(0 if loop["fits"] is False else len(lines), loop["text"])  # what does not hold is read first
+    print_answer(output, summary | ({} if loop is None else {"loop": loop}), lines)
     warn_of_sides(summary, quiet=quiet)
     warn_of(result, verdict, quiet=quiet)
     if not output.json and not quiet:
-        print_plan(summary, directory, road=result.drive.road)
+        print_tables(*plan_tables(summary, directory, road=result.drive.road))
     return exit_code_of(result, verdict)
 
 
@@ -130,14 +128,11 @@ def compare(results: list[Result], directory: Path, output: Output) -> ExitCode:
         if "png" in output.kinds():
             write_atomically(directory / "compared.png", figure_bytes(compared_figure(results), "png"))
     summaries = [summary_of(result) for result in results]
-    if output.json:
-        print_json(summaries)
-    elif not quiet:
-        print_line(answer_of(results))
-        shown = answer_texts(table)
-        columns, rows = tuple(shown.columns), shown.itertuples(index=False, name=None)
-        title = f"{len(results)} vehicles on {results[0].drive.road.name}"
-        print_tables(grid(title, columns, rows, text=(columns[0], columns[1], columns[-1]), caption=f"written to {directory}/"))
+    shown = answer_texts(table)
+    columns, rows = tuple(shown.columns), shown.itertuples(index=False, name=None)
+    title = f"{len(results)} vehicles on {results[0].drive.road.name}"
+    answers = grid(title, columns, rows, text=(columns[0], columns[1], columns[-1]), caption=f"written to {directory}/")
+    print_answer(output, summaries, [answer_of(results)], [answers])
     for summary in summaries:
         warn_of_sides(summary, f"{summary['vehicle']}: ", quiet=quiet)
     return max(exit_code_of(result, verdict_of(result)) for result in results)
@@ -175,12 +170,12 @@ def warn_of(result: Result, verdict: Verdict, *, quiet: bool) -> None:
         warn(f"{len(findings) - _MOST_WARNINGS} more such places; summary.json lists all under fit", quiet=quiet)
 
 
-def print_plan(summary: dict[str, Any], directory: Path, *, road: Road | None = None) -> None:
-    """Print what a drive sweeps and breaks, then how it was planned, from its summary; ``road`` as in ``balance_table``."""
+def plan_tables(summary: dict[str, Any], directory: Path, *, road: Road | None = None) -> list[Table]:
+    """Return what a drive sweeps and breaks, then how it was planned, from its summary; ``road`` as in ``balance_table``."""
     from hdvplan.report.tables import balance_table, breach_table, planning_table
 
     broken = [breach_table(summary["breaches"])] if summary["breaches"] else []
-    print_tables(balance_table(summary, road), *broken, planning_table(summary, f"{directory}/"))
+    return [balance_table(summary, road), *broken, planning_table(summary, f"{directory}/")]
 
 
 def exit_code_of(result: Result, verdict: Verdict) -> ExitCode:
@@ -243,12 +238,7 @@ def plan_long(
     for remark in summary["notes"]:
         note(remark, quiet=quiet)
     verdict = summary["verdict"]
-    if output.json:
-        print_json(summary)
-    elif not quiet:
-        print_line(verdict["text"])
-        print_line(verdict["details"])
-        print_plan(summary, directory)
+    print_answer(output, summary, (verdict["text"], verdict["details"]), plan_tables(summary, directory))
     warn_of_sides(summary, quiet=quiet)
     warn_of_steps(summary, quiet=quiet)
     return long_exit_code(summary)

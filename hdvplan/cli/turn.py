@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hdvplan.cli.checks import vehicle_named
-from hdvplan.cli.console import ExitCode, print_json, print_line, print_tables, progress, report_error, writing
+from hdvplan.cli.console import ExitCode, print_answer, print_json, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, SITE
 from hdvplan.cli.options import WRITTEN, OptionsOf, Output, VehicleOrNoneOption, check_folder, file_name, with_settings
 from hdvplan.errors import OptionError
@@ -122,11 +122,7 @@ def turn(
     directory = output.out or Path(file_name(f"{name or f'turn-{manoeuvre.radius:g}m-{angle}'}.{found.driven.vehicle.name}"))
     with writing(f"to {directory}"):
         write_turn(found, directory, kinds=kinds)
-    if output.json:
-        print_json(turn_json(found))
-    elif not output.quiet:
-        print_line(verdict(found))
-        print_tables(turn_table(found, f"{directory}/"))
+    print_answer(output, turn_json(found), [verdict(found)], [turn_table(found, f"{directory}/")])
     broken = [limit for limit in found.limits if not limit.kept(found.figures)]
     for limit in broken:
         report_error(broken_words(limit, found))
@@ -147,12 +143,7 @@ def answered(template: Template, vehicle: str, site: SiteOptions, output: Output
     directory = output.out or Path(f"{file_name(f'{template}.{driven.name}')}{suffix}")
     with writing(f"to {directory}"):
         write_reversal(answer, directory, called, kinds=kinds, sheet=sheet)
-    if output.json:
-        print_json(reversal_json(answer))
-    elif not output.quiet:
-        print_line(verdict(answer))
-        print_line(details(answer))
-        print_tables(*reversal_tables(answer, f"{directory}/"))
+    print_answer(output, reversal_json(answer), (verdict(answer), details(answer)), reversal_tables(answer, f"{directory}/"))
     if answer.fits is False:
         report_error(refusal(answer))
         return ExitCode.BROKEN

@@ -160,7 +160,11 @@ def joined_summary(pieces: Sequence[Kept]) -> Json:
     summary["status"] = min((one["status"] for one in every), key=_WORST_FIRST.index)
     summary["breaches"] = _breaches([breach for one in every for breach in one["breaches"]])
     summary["obstacles"] = _obstacles(pieces)
-    summary["manners"] = {use: _use([one["manners"][use] for one in every]) for use in ("steering", "steering_rate")}
+    summary["manners"] = {}
+    for name in ("steering", "steering_rate"):
+        uses = [one["manners"][name] for one in every]
+        nearly_all = [stretch for use in uses for stretch in use["nearly_all"]]
+        summary["manners"][name] = max(uses, key=lambda use: use["share"]) | {"nearly_all": nearly_all}
     summary["manners"]["lock_to_lock"] = [stretch for one in every for stretch in one["manners"]["lock_to_lock"]]
     summary["smoothing"] = _smoothing([one["smoothing"] for one in every], lengths)
     summary["time_ms"] = times_json(np.concatenate([one.times for one in pieces]))
@@ -212,10 +216,6 @@ def _breaches(breaches: list[Json]) -> list[Json]:
             deeper = breach if breach["depth_m"] > before["depth_m"] else before
             before |= {**deeper, "s_from": before["s_from"], "s_to": max(before["s_to"], breach["s_to"])}
     return found
-
-
-def _use(uses: list[Json]) -> Json:
-    return dict(max(uses, key=lambda use: use["share"])) | {"nearly_all": [stretch for use in uses for stretch in use["nearly_all"]]}
 
 
 def _smoothing(every: Sequence[Mapping[str, Any] | None], lengths: Sequence[float]) -> Json | None:

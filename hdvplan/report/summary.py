@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hdvplan.arrays import FloatArray
+from hdvplan.case import settings_json
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import Breach
 from hdvplan.judging.clearance import Approach
@@ -83,7 +84,7 @@ def summary_of(result: Result, *, forecast: bool = True, tracking: bool = True) 
         "wheels": [_wheel(drive.vehicle, wheel) for wheel in wheels_of(drive.vehicle)],
         "smoothing": smoothing_of(drive.road.smoothing),
         "corners": corners_of(drive.road),
-        "settings": {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()},
+        "settings": settings_json(settings),
         "notice": drive.road.notice,
         "notes": [*drive.road.notes, *between_texts(result, verdict.spare)],
         "version": __version__,

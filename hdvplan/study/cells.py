@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
 from itertools import product
 
-from hdvplan.case import content_digest
+from hdvplan.case import content_digest, settings_json
 from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.options import RoadOptions
 from hdvplan.study.inputs import RoadSource, Variant
@@ -64,7 +64,7 @@ class Cell:
             "reverse": setup.reverse,
             "bias": setup.bias,
             "pass": None if setup.side is None else str(setup.side),
-            **{f"settings_{name}": _plain(getattr(setup.settings, name)) for name in SETTINGS},
+            **{f"settings_{name}": value for name, value in settings_json(setup.settings).items() if name in SETTINGS},
             **({"settings_clearance": None} if setup.clearest else {}),  # what was found to be kept is in the answer
         }
 
@@ -104,10 +104,6 @@ def _digest(part: RoadSource | Variant | Setup | RoadOptions) -> str:
     if content.get("bias_digest") is not None:
         del content["bias"]  # as above
     return content_digest(content)
-
-
-def _plain(value: object) -> object:
-    return str(value) if isinstance(value, str) else value
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hdvplan.answers import NO
+from hdvplan.case import settings_json
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
 from hdvplan.machine import commit, machine_facts, software
@@ -174,8 +175,8 @@ def _begun(study: Study, folder: Path, engine: Engine) -> Json:
     """Write and return the record of a study whose session begins: what was asked, and all sessions with machine and software."""
     described = asdict(study)
     described["manners"] = described.pop("setups")  # as the file has always called them
-    for setup in described["manners"]:
-        setup["settings"] = {name: str(value) if isinstance(value, str) else value for name, value in setup["settings"].items()}
+    for setup, own in zip(described["manners"], study.setups, strict=True):
+        setup["settings"] = settings_json(own.settings)
     session = {
         "started": now(),
         "command": command(),
