@@ -30,7 +30,7 @@ from exported_planner import ExportedPlanner, begun
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.driving.drive import Ready
-from hdvplan.export.budget import Budget
+from hdvplan.export import Budget
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.machine import use_one_thread
 from hdvplan.planning.stations import Stations

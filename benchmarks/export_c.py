@@ -30,7 +30,7 @@ from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive
-from hdvplan.export.budget import UNLIMITED, Budget
+from hdvplan.export import UNLIMITED, Budget
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.result import result_of

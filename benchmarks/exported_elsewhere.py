@@ -23,7 +23,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
-from hdvplan.export.budget import Budget
+from hdvplan.export import Budget
 from hdvplan.export.write import PLANNER, exported
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.record import write_record

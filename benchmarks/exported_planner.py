@@ -18,7 +18,7 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive, Ready, ready
 from hdvplan.driving.drive import driven as driven_from
-from hdvplan.export.budget import UNLIMITED, Budget
+from hdvplan.export import UNLIMITED, Budget
 from hdvplan.export.write import PLANNER, exported
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.objectives import objective_named

@@ -24,7 +24,7 @@ from random_drives import edges_around, random_drive, road_around
 
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
-from hdvplan.export.budget import Budget
+from hdvplan.export import Budget
 from hdvplan.export.write import PLANNER, exported
 from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.record import write_record

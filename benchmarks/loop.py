@@ -19,8 +19,8 @@ from cases import case_within, free_case, words, write_results
 import hdvplan
 from hdvplan.case import Case
 from hdvplan.judging.tracking import tracking_of
+from hdvplan.loop import LoopSettings
 from hdvplan.loop.closed import NOISES
-from hdvplan.loop.settings import LoopSettings
 from hdvplan.report.grid import markdown_table
 from hdvplan.settings import any_of
 

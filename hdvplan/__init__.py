@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from hdvplan.judging.verdict import verdict_of as verdict_of
     from hdvplan.legs import load_legs as load_legs
     from hdvplan.legs import plan_legs as plan_legs
+    from hdvplan.loop import LoopSettings as LoopSettings
     from hdvplan.loop.closed import closed_loop as closed_loop
-    from hdvplan.loop.settings import LoopSettings as LoopSettings
     from hdvplan.need.answer import need_of as need_of
     from hdvplan.planning.bias import Bias as Bias
     from hdvplan.planning.settings import PlannerSettings as PlannerSettings
@@ -66,7 +66,7 @@ _HOMES = {
     "Legs": "hdvplan.road.legs",
     "LegsResult": "hdvplan.judging.legs",
     "Limits": "hdvplan.road.limits",
-    "LoopSettings": "hdvplan.loop.settings",
+    "LoopSettings": "hdvplan.loop",
     "PlannerSettings": "hdvplan.planning.settings",
     "QpWorkspace": "hdvplan.qp.workspace",
     "Result": "hdvplan.judging.result",

@@ -17,7 +17,6 @@ from time import perf_counter
 
 import numpy as np
 
-from hdvplan.bench.late import Watch
 from hdvplan.bench.measuring.recording import LIMITS, Recorded, record
 from hdvplan.case import Case
 from hdvplan.errors import QpDataError
@@ -26,6 +25,7 @@ from hdvplan.plugins import error_text, raised_at
 from hdvplan.qp.program import NAMES, StageQp, StageSolution
 from hdvplan.qp.workspace import QpResult, QpWorkspace, Status, WorkspaceMaker, residuals
 from hdvplan.road.scenarios import SCENARIOS
+from hdvplan.solvers.guards import Watch
 from hdvplan.solvers.registry import is_foreign
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle

@@ -11,7 +11,7 @@ from hdvplan.cli.checks import vehicle_named
 from hdvplan.cli.console import ExitCode, note, print_line, progress, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.options import OptionsOf, Output, Room, VehicleOption, check_folder, file_name, with_settings
-from hdvplan.export.budget import Budget
+from hdvplan.export import Budget
 from hdvplan.planning.settings import PlannerSettings, PlanOptions
 
 _PLANNED = ("horizon", "step", "replan", "smoothness", "clearance")

@@ -14,7 +14,7 @@ from hdvplan.cli.help import LOOP, OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.options import OptionsOf, Output, RoadArgument, Room, VehicleOption, check_folder, file_name, with_settings
 from hdvplan.cli.outcome import looked_again, tell, write
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.loop.settings import LoopSettings
+from hdvplan.loop import LoopSettings
 from hdvplan.planning.settings import PlannerSettings, PlanOptions
 from hdvplan.road.options import RoadOptions
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdvplan import core
-from hdvplan.arrays import Records
+from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.case import Case
 from hdvplan.driving.drive import Ready, ready
 from hdvplan.errors import OptionError
-from hdvplan.export.budget import Budget
-from hdvplan.export.constants import array, number, record
+from hdvplan.export import Budget
 from hdvplan.fileio import Together, json_bytes
 from hdvplan.passing.sides import choose_sides
 from hdvplan.planning.assembly import assemble
@@ -39,6 +40,8 @@ PLANNER = (  # files of the core that plan
 _SAMPLE = ("simulate",)  # that drive the sample
 _OWN = ("planner.h", "planner.c", "sample.h", "main.c", "Makefile", "README.md")
 _CORE, _HERE = Path(core.__file__).parent / "core", Path(__file__).parent / "c"
+_WIDTH = 110  # of a line of numbers
+_TYPES = {"f": "double", "i": "int64_t"}
 _WRITTEN = f"Written by hdvplan {__version__}: export it again instead of editing."
 _INCLUDED = re.compile(r'^#include "(\w+\.h)"$', re.MULTILINE)
 _UNROLLED = re.compile(r"#define HDV_UNROLLED\(n, m, function, \.\.\.\)(?:.*\\\n)+.*\n")
@@ -231,3 +234,46 @@ def _kept(street: Records, case: Case) -> Records:
     found = street.copy()
     found["clearance"] = case.settings.clearance - case.settings.give_way
     return found
+
+
+def number(value: Any) -> str:  # noqa: ANN401 - a number of Python or NumPy
+    """Return a number, or an array of them, as C reads it: a float to its last bit."""
+    if isinstance(value, np.ndarray):
+        return "{" + ", ".join(map(number, value)) + "}"
+    if isinstance(value, int | np.integer):
+        return f"{value}" if abs(int(value)) < np.iinfo(np.int64).max else "INT64_MAX"
+    text = repr(float(value))
+    return {"inf": "INFINITY", "-inf": "-INFINITY", "nan": "NAN"}.get(text, text)
+
+
+def record(values: np.void | Records, addresses: dict[str, str] | None = None) -> str:
+    """Return the initialiser of a record: its numbers by name, and those addresses that are given; others stay null."""
+    one: Any = values[0] if values.shape else values
+    names = one.dtype.names or ()
+    given = addresses or {}
+    fields = [f".{name} = {given[name] if name in given else number(one[name])}" for name in names if _is_told(one, name, given)]
+    return "{" + (", ".join(fields) or "0") + "}"
+
+
+def _is_told(one: Any, name: str, given: dict[str, str]) -> bool:  # noqa: ANN401 - a record
+    kind = one.dtype[name].base
+    return name in given or (kind.names is None and kind != core.ADDRESS and bool(np.any(one[name] != 0)))
+
+
+def array(name: str, values: FloatArray | IntArray | Records, kind: str = "") -> str:
+    """Return the definition of an array of numbers, or of records of the struct ``kind``; at least of one entry, which C needs."""
+    flat: NDArray[Any] = np.ascontiguousarray(values).reshape(-1)
+    entries = [record(one) if kind else number(one) for one in flat]
+    declared = f"struct {kind}" if kind else _TYPES[flat.dtype.kind]
+    return f"const {declared} {name}[{max(len(entries), 1)}] = {{\n{_lines(entries or ['0'])}}};\n"
+
+
+def _lines(entries: Iterable[str]) -> str:
+    """Return entries in lines of some width."""
+    lines, line = [], ""
+    for entry in entries:
+        if line and len(line) + len(entry) > _WIDTH:
+            lines.append(line)
+            line = ""
+        line += f"{entry}, "
+    return "".join(f"    {line.rstrip()}\n" for line in [*lines, line])

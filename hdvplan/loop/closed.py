@@ -15,7 +15,7 @@ from hdvplan.driving.given import GivenPath
 from hdvplan.errors import HdvplanError, RoadError
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import Verdict, verdict_of
-from hdvplan.loop.settings import KM_H, LoopSettings
+from hdvplan.loop import KM_H, LoopSettings
 from hdvplan.loop.track import Follower, Seen, Track, follower_named
 from hdvplan.settings import of_kind
 

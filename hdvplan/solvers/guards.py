@@ -1,4 +1,4 @@
-"""Workspaces around workspaces: hard rows before elastic ones, and solvers from outside hdvplan.
+"""Workspaces around workspaces: hard rows before elastic ones, solvers from outside hdvplan, and a time limit for each program.
 
 What is judged belongs to us: another's solver gets copies of the program and of the guess, which are compared with ours after every
 solve, which is no part of a planning step. Its answer is read and copied once, which is. Nor does it say how long it took, or for what:
@@ -12,6 +12,7 @@ optimality conditions of both; only where that is not so is the elastic one solv
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from time import perf_counter
 from typing import NoReturn
 
@@ -21,8 +22,9 @@ from hdvplan.arrays import FloatArray
 from hdvplan.errors import HdvplanError, QpDataError, SolverError
 from hdvplan.plugins import error_text
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
-from hdvplan.qp.workspace import Moment, QpResult, QpWorkspace, Status, WorkspaceMaker, residuals
+from hdvplan.qp.workspace import LateError, Moment, QpResult, QpWorkspace, Status, WorkspaceMaker, in_time, residuals
 
+LIMIT_S = 10.0  # for one program: a thousand times what the slowest known solver needs
 _KEPT = 1e-3  # primal residual up to which a solution of the hard program is believed [m]
 
 
@@ -130,6 +132,46 @@ class ForeignWorkspace:
             msg = f"solver {self.name!r} returns a status or iterations that are none: {error_text(error)}"
             raise SolverError(msg, status="raised") from error
         return QpResult(status, self._point, iterations, 0.0, 0.0, leaves_guess=bool(result.leaves_guess), reason=str(result.reason))
+
+
+@dataclass
+class Watch:
+    """How many programs of a test are solved, which ``on_solved`` receives, and whether one was late: that ends all of it."""
+
+    on_solved: Callable[[int], None]
+    solved: int = 0
+    late: str = ""
+
+    def over(self, make: WorkspaceMaker) -> WorkspaceMaker:
+        """Return what makes workspaces that it watches."""
+        return lambda shape: Watched(make(shape), self)
+
+
+class Watched:
+    """A workspace with a time limit for each program; a thread that is late cannot be stopped."""
+
+    def __init__(self, own: QpWorkspace, watch: Watch) -> None:
+        self._own, self._watch = own, watch
+        self.name, self.starts_warm = own.name, own.starts_warm
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``; see ``QpWorkspace``.
+
+        Raises:
+            LateError: it takes longer than ``LIMIT_S``, or another has.
+
+        """
+        watch = self._watch
+        if watch.late:
+            raise LateError(watch.late)
+        try:
+            result = in_time(LIMIT_S, lambda: self._own.solve(qp, guess))
+        except LateError as error:
+            watch.late = f"{error} after {watch.solved} programs"
+            raise LateError(watch.late) from None
+        watch.solved += 1
+        watch.on_solved(watch.solved)
+        return result
 
 
 def _same(one: FloatArray, other: FloatArray) -> bool:

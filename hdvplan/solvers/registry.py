@@ -14,7 +14,7 @@ from hdvplan.errors import SolverError
 from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker, backed
 from hdvplan.solvers.catalogue import GENERIC, NATIVE, THROUGH, Generic, Native
-from hdvplan.solvers.guards import ForeignWorkspace, hard_first
+from hdvplan.solvers.guards import LIMIT_S, ForeignWorkspace, hard_first
 
 SolverClass = Callable[..., QpWorkspace]  # called with a shape, and with ``elastic`` and ``tolerance`` where it has them
 DEFAULT = "riccati"
@@ -235,9 +235,6 @@ def _version(row: Native | Generic) -> str | None:
         return metadata.version(_wheel(row)[0])
     except metadata.PackageNotFoundError:
         return None
-
-
-LIMIT_S = 10.0  # for one program: a thousand times what the slowest known solver needs
 
 
 def dependable(solver: str | SolverClass) -> WorkspaceMaker:

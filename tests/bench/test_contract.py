@@ -16,7 +16,7 @@ from hdvplan.cli import console
 from hdvplan.cli.app import run
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.qp.workspace import QpResult, Status, WorkspaceMaker
-from hdvplan.solvers import registry
+from hdvplan.solvers import guards
 from hdvplan.solvers.registry import solver_named
 from tests.bench.test_referee import AnswersForTheLastProgram, Careless, Sleeps, WritesAfterwards, WritesIntoTheGuess, WrongNowAndThen
 from tests.fakes import Fake
@@ -151,7 +151,7 @@ def test_the_command_prints_every_rule_and_fails_with_one(capsys: pytest.Capture
 
 def test_a_solver_that_is_late_once_is_not_asked_again(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     contract.checked(solver_named("riccati"))  # counts what rules ask for, once, without the limit
-    monkeypatch.setattr(registry, "LIMIT_S", 0.2)
+    monkeypatch.setattr(guards, "LIMIT_S", 0.2)
     monkeypatch.setattr(console, "_TELL_S", 0.0)
     assert run(["solvers", "--check", "tests.bench.test_contract:Stuck"]) == 1
     told = capsys.readouterr()

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from hdvplan.bench import TURNS, turns
 from hdvplan.bench.comparing.processes import Scratch, Started, Turns, finish, in_turn, scratch_folder, start, without_imports
-from hdvplan.bench.turns import TURNS, turns
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="turns are given by descriptors that a process inherits")
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="turns are given by d
 # Writes its name at the beginning and end of every turn; the other one must not be between.
 DIARY = """
 import os, sys, time
-from hdvplan.bench.turns import turns
+from hdvplan.bench import turns
 name, diary, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
 def note(word):
     with open(diary, "a") as file:
@@ -75,7 +75,7 @@ def test_a_program_that_knows_nothing_of_turns_runs_before_or_after_the_other(sc
     assert lines == [f"{one} begins", f"{one} ends", f"{other} begins", f"{other} ends"]
 
 
-CRASHES = "import os, sys; from hdvplan.bench.turns import turns\nwith turns() as take_turn:\n    take_turn(); os.abort()"
+CRASHES = "import os, sys; from hdvplan.bench import turns\nwith turns() as take_turn:\n    take_turn(); os.abort()"
 CHILD = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'], close_fds=False)"
 
 
@@ -111,7 +111,7 @@ def test_a_process_that_runs_longer_than_its_limit_is_ended_and_waiting_for_turn
         hung = start([sys.executable, "-c", "import time; time.sleep(1e6)"], os.environ, scratch, limit=0.2)
         ended = finish(hung)
         assert ended.expired
-        sleeps = "import time; from hdvplan.bench.turns import turns\nwith turns() as take:\n    take(); time.sleep({})"
+        sleeps = "import time; from hdvplan.bench import turns\nwith turns() as take:\n    take(); time.sleep({})"
         one, other = (
             start([sys.executable, "-c", sleeps.format(seconds)], os.environ, scratch, turns=Turns(None), limit=limit)
             for seconds, limit in ((1e6, 4.0), (0.0, 4.0))

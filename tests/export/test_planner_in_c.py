@@ -19,7 +19,7 @@ import pytest
 from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
-from hdvplan.export.budget import UNLIMITED, Budget
+from hdvplan.export import UNLIMITED, Budget
 from hdvplan.export.write import PLANNER, exported
 from hdvplan.road.load import load_road
 from hdvplan.stepping import Stepper

@@ -15,8 +15,8 @@ from hdvplan.driving.given import GivenPath
 from hdvplan.errors import OptionError, RoadError
 from hdvplan.judging.result import Result
 from hdvplan.judging.straying import SPACING_M
+from hdvplan.loop import LoopSettings
 from hdvplan.loop.closed import STEP_S, ClosedLoop, closed_loop
-from hdvplan.loop.settings import LoopSettings
 from hdvplan.loop.track import Seen, Track, follower_named
 
 _EXACT = LoopSettings(delay=0.0, gain_error=0.0, noise=0.0, runs=1)

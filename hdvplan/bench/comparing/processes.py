@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic, sleep
 
-from hdvplan.bench.turns import TURNS
+from hdvplan.bench import TURNS
 from hdvplan.process import undisturbed
 
 _IMPORTED = "import time:"  # of -X importtime
