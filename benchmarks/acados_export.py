@@ -7,12 +7,10 @@ Needs a C compiler and make, the extra ``peers``, and ``pip install --no-deps co
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import ctypes
 import io
 import os
-import subprocess
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -23,19 +21,19 @@ import acados
 import casadi as ca
 import numpy as np
 import pandas as pd
+from cases import options_of, words, write_results
 from exact_nlp import advance
-from export_c import OPTIMISED
-from exported_planner import ExportedPlanner, begun
+from export_c import OPTIMISED, code_bytes
+from exported_planner import ExportedPlanner
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.driving.drive import Ready
 from hdvplan.export import Budget
-from hdvplan.fileio import csv_bytes, write_atomically
+from hdvplan.export.write import begun
 from hdvplan.machine import use_one_thread
 from hdvplan.planning.stations import Stations
 from hdvplan.planning.terms.centring import Centring
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 from hdvplan.road.load import find_road
 from hdvplan.stepping import Stepper
@@ -97,7 +95,7 @@ def exported_by_acados(case: Case, start: Ready, blocks: int, folder: Path) -> P
         before = _allocated()
         solver = AcadosOcpSolver(ocp, json_file=str(folder / "ocp.json"), generate=False, build=False)
     library = next((folder / "code").glob("libacados_ocp_solver*.so"))
-    return Peer(solver, _code(library), _allocated() - before)
+    return Peer(solver, code_bytes([library]), _allocated() - before)
 
 
 class _Allocator(ctypes.Structure):
@@ -115,11 +113,6 @@ def _allocated() -> int:
     mallinfo.restype = _Allocator
     info = mallinfo()
     return int(info.uordblks + info.hblkhd)
-
-
-def _code(library: Path) -> int:
-    listed = subprocess.run(["size", str(library)], check=True, capture_output=True, text=True)  # noqa: S603, S607 - ours
-    return int(listed.stdout.splitlines()[1].split()[0])
 
 
 def driven_beside(case: Case, folder: Path, blocks: int) -> dict[str, object]:
@@ -177,7 +170,7 @@ def _given(solver: AcadosOcpSolver, term: Centring, stations: Stations, at: int,
 
 def text(rows: pd.DataFrame) -> str:
     """Return the page."""
-    libraries = sum(_code(Path(acados.LIB_DIR, name)) for name in LIBRARIES)
+    libraries = code_bytes([Path(acados.LIB_DIR, name) for name in LIBRARIES])
     shown = rows.drop(columns=["acados_code_bytes", "acados_memory_bytes", "hdvplan_memory_bytes"])
     for name in ("difference", "median_difference"):
         shown[name] = shown[name].map("{:.1e}".format)
@@ -200,11 +193,10 @@ def text(rows: pd.DataFrame) -> str:
 
 def main() -> None:
     """Compare and write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/acados-export"), metavar="DIR")
-    parser.add_argument("--roads", default="uturn,monaco_fairmont_hairpin,neubrandenburg_ring", metavar="A,B")
+    parser = options_of(__doc__, "acados-export")
+    parser.add_argument("--roads", default="uturn,monaco_fairmont_hairpin,neubrandenburg_ring", type=words, metavar="A,B")
     given = parser.parse_args()
-    roads = [replace(find_road(name)(), limits=None) for name in given.roads.split(",")]
+    roads = [replace(find_road(name)(), limits=None) for name in given.roads]
     cases = [Case(road, load_vehicle("bus"), objective="lead-axle") for road in roads]
     rows = []
     for case in cases:
@@ -212,10 +204,7 @@ def main() -> None:
             with tempfile.TemporaryDirectory() as folder:
                 rows.append(driven_beside(case, Path(folder), blocks))
     table = pd.DataFrame(rows)
-    given.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(given.out / "acados.csv", csv_bytes(table))
-    write_atomically(given.out / "acados.md", text(table).encode())
-    write_record(given.out, cases)
+    write_results(given.out, {"acados": table}, {"acados": text(table)}, cases, form=None)
     print(text(table))
 
 

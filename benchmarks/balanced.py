@@ -5,7 +5,6 @@ Writes its tables (csv, md), figures and run.json into results/balanced. All num
 
 from __future__ import annotations
 
-import argparse
 import gc
 import sys
 from collections.abc import Callable
@@ -30,6 +29,7 @@ from balanced_drives import (
     run,
 )
 from balanced_pictures import draw_convergence, draw_examples, draw_roads
+from cases import options_of
 
 from hdvplan.api import drive_case
 from hdvplan.arrays import FloatArray
@@ -277,8 +277,7 @@ def write(out: Path, name: str, table: pd.DataFrame) -> None:
 
 def main() -> None:
     """Measure everything and write it."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/balanced"), metavar="DIR")
+    parser = options_of(__doc__, "balanced")
     alone: dict[str, Callable[[list[Case]], pd.DataFrame]] = {
         "s-turns": family,
         "roads": lambda driven: road_gains(real_roads(driven)),

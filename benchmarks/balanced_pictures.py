@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from balanced_drives import EXAMPLE, RTI, VEHICLES, case_road
+from matplotlib.figure import Figure
 
 from hdvplan.case import Case
 from hdvplan.judging.result import Result
+from hdvplan.report.style import styled
 from hdvplan.reproduce.study import swept, unevenness
 from hdvplan.vehicle.load import load_vehicle
 
@@ -22,10 +24,6 @@ def example(name: str) -> dict[str, Result]:
 
 def draw_examples(path: Path) -> None:
     """Draw reach to both sides, imbalance and curvature of the example."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    from hdvplan.report.style import styled  # noqa: PLC0415 - as above
-
     with styled():
         figure = Figure(figsize=(11.0, 8.0), layout="constrained")
         axes = figure.subplots(3, len(VEHICLES), sharex="col", sharey="row")
@@ -51,10 +49,6 @@ def draw_examples(path: Path) -> None:
 
 def draw_convergence(table: pd.DataFrame, trades: pd.DataFrame, path: Path) -> None:
     """Draw the imbalance over rounds, and gain against reach."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    from hdvplan.report.style import styled  # noqa: PLC0415 - as above
-
     with styled():
         figure = Figure(figsize=(11.0, 4.2), layout="constrained")
         over, against = figure.subplots(1, 2)
@@ -77,10 +71,6 @@ def draw_convergence(table: pd.DataFrame, trades: pd.DataFrame, path: Path) -> N
 
 def draw_roads(table: pd.DataFrame, path: Path) -> None:
     """Draw the mean imbalance on the real roads."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    from hdvplan.report.style import styled  # noqa: PLC0415 - as above
-
     with styled():
         figure = Figure(figsize=(11.0, 4.5), layout="constrained")
         for axes, name in zip(figure.subplots(1, len(VEHICLES), sharey=True), VEHICLES, strict=True):

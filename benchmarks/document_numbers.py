@@ -15,8 +15,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-import document_balance as balance
-import document_lengths as lengths
 import document_tables as tables
 
 
@@ -30,6 +28,7 @@ class Figure(NamedTuple):
 
 README, RESULTS, BALANCED, LIECHTENSTEIN = "README.md", "docs/results.md", "docs/balanced.md", "docs/liechtenstein.md"
 NETWORKS, PROOF = "docs/networks.md", "docs/proof.md"
+J3, J5 = ("J3 (both axles, weighted), max left", "J3, max right"), ("J5 (furthest body side), max left", "J5, max right")
 FORMER = ("previous method, max right", "previous method, max left")
 OUTSIDE = tuple(f"furthest outside, {what}" for what in ("overhang and wheelbase free", "wheelbase in the lane", "and overhangs at a cost"))
 TRACKING = "docs/tracking.md"
@@ -57,12 +56,8 @@ FIGURES = (
     Figure(RESULTS, "previous method: furthest right / left [m] | {} / {} | {} / {} |", lambda: tables.pairs("bus-uturn", FORMER)),
     Figure(RESULTS, "geometric weight: right / left [m] | {} / {} | {} / {} |", lambda: tables.pairs("bus-uturn", tables.UTURN)),
     Figure(RESULTS, "| roundabout: left / right [m] | {} / {} | {} / {} |", lambda: tables.pairs("roundabout", tables.SIDES)),
-    Figure(
-        RESULTS, "(J3): left / right [m] | {} / {} | {} / {} |", tables.objectives("J3 (both axles, weighted), max left", "J3, max right")
-    ),
-    Figure(
-        RESULTS, "(J5): left / right [m] | {} / {} | {} / {} |", tables.objectives("J5 (furthest body side), max left", "J5, max right")
-    ),
+    Figure(RESULTS, "(J3): left / right [m] | {} / {} | {} / {} |", lambda: tables.pairs("objectives", J3)),
+    Figure(RESULTS, "(J5): left / right [m] | {} / {} | {} / {} |", lambda: tables.pairs("objectives", J5)),
     Figure(RESULTS, "time [s] (their laptop and MATLAB) | {} | {} |", lambda: tables.pairs("objectives", ("J5, time at 0.1 m",))),
     Figure(RESULTS, "(their road is not published) | {} / {} / {} | {} / {} / {} |", lambda: tables.pairs("overhang", OUTSIDE)),
     *(
@@ -82,18 +77,18 @@ FIGURES = (
         Figure(
             BALANCED,
             f"**{vehicle}, balanced** | **{{}}** | **{{}} %** | {{}} % | +{{}} % | +{{}} % | x {{}} | x {{}} |",
-            partial(balance.balance_row, vehicle, "balanced"),
+            partial(tables.balance_row, vehicle, "balanced"),
         )
         for vehicle in VEHICLES[:2]
     ),
-    Figure(BALANCED, "reach therefore differ by up to {} m", lambda: [balance.worst_imbalance()]),
-    Figure(BALANCED, "falls by {} to {} % for the tractor-trailer on all ten roads", balance.trailer_gains),
+    Figure(BALANCED, "reach therefore differ by up to {} m", lambda: [tables.worst_imbalance()]),
+    Figure(BALANCED, "falls by {} to {} % for the tractor-trailer on all ten roads", tables.trailer_gains),
     Figure(
         BALANCED,
         "for the bus by {} to {} % on eight. On `liechtenstein_planken` ({} %) and `monaco_fairmont_hairpin` ({} %)",
-        balance.bus_gains,
+        tables.bus_gains,
     ),
-    Figure(BALANCED, "*falls* in {} of the {} drives, and grows by {} % at most", balance.reaches),
+    Figure(BALANCED, "*falls* in {} of the {} drives, and grows by {} % at most", tables.reaches),
     Figure(
         "docs/maths.md",
         "published values are {} m left and {} m right. The corrected weight gives {} m and {} m",
@@ -131,7 +126,7 @@ FIGURES = (
     Figure(LIECHTENSTEIN, "differs from the study's by at most {} m. For {} of them", lambda: tables.checked()[1:]),
     Figure(LIECHTENSTEIN, "[killed {} times]", lambda: [tables.kills()]),
     *(
-        Figure(NETWORKS, f"| {words} | {plan} | {{}} | {{}} |", partial(lengths.long_road, km, name))
+        Figure(NETWORKS, f"| {words} | {plan} | {{}} | {{}} |", partial(tables.long_road, km, name))
         for km, words in ((100, "100 km"), (1000, "1,000 km"))
         for name, plan in (("whole", "undivided"), ("stretches", "in stretches"))
         if (km, name) != (1000, "whole")  # it was not planned

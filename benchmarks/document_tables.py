@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -20,6 +20,11 @@ UTURN, SIDES = ("proposed method, max right", "proposed method, max left"), ("ma
 def table(name: str) -> pd.DataFrame:
     """Return a table of results."""
     return pd.read_csv(ROOT / "results" / name)
+
+
+def counted(*numbers: float) -> list[str]:
+    """Return whole numbers as texts."""
+    return [str(int(number)) for number in numbers]
 
 
 def paper(study: str, quantity: str) -> tuple[float, float]:
@@ -70,15 +75,14 @@ def loops_judged() -> list[str]:
     """Return how many widest runs were judged, how many of them kept to their bound, and how many of these the street."""
     rows = table("loop/loop.csv")
     held = rows["error_widest_m"] <= rows["allowed_m"]
-    return [f"{len(rows)}", f"{held.sum()}", f"{(held & (rows['spare_driven_m'] >= 0.0)).sum()}"]
+    return counted(len(rows), held.sum(), (held & (rows["spare_driven_m"] >= 0.0)).sum())
 
 
 def least_room() -> list[str]:
     """Return how many cases fit within 1 cm more than needed, of how many, and how many plans do within 2 cm less, of how many."""
     rows = table("need/need.csv")
     fits = rows["fits_1_cm_wider"].astype(str) == "True"
-    counts = (fits.sum(), len(rows), rows["fitting_2_cm_narrower"].sum(), rows["tried_2_cm_narrower"].sum())
-    return [str(int(count)) for count in counts]
+    return counted(fits.sum(), len(rows), rows["fitting_2_cm_narrower"].sum(), rows["tried_2_cm_narrower"].sum())
 
 
 def spread(solver: str) -> list[str]:
@@ -149,7 +153,7 @@ def proved(vehicle: str) -> list[str]:
     """Return how many of a vehicle's NO are proved, and of how many."""
     rows = table("proof/widths.csv")
     no = rows[(rows["vehicle"] == vehicle) & (rows["fits"].astype(str) == "False")]
-    return [str(int(no["kind"].notna().sum())), str(len(no))]
+    return counted(no["kind"].notna().sum(), len(no))
 
 
 def proofs() -> list[str]:
@@ -173,7 +177,7 @@ def proof_seconds() -> list[str]:
 def contradictions() -> str:
     """Return in a word how many runs are planned within their limits and called impossible."""
     rows = table("proof/widths.csv")
-    return _counted(int(((rows["fits"].astype(str) == "True") & rows["kind"].notna()).sum()))
+    return _or_none(((rows["fits"].astype(str) == "True") & rows["kind"].notna()).sum())
 
 
 def drawn() -> list[str]:
@@ -181,17 +185,17 @@ def drawn() -> list[str]:
     rows = table("proof/random/random.csv")
     rows = rows[rows["way"].notna()]
     controls = rows["narrower_proved"].dropna().astype(str)
-    return [str(len(rows)), _counted(int(rows["proof"].notna().sum())), str(int((controls == "True").sum())), str(len(controls))]
+    return [str(len(rows)), _or_none(rows["proof"].notna().sum()), *counted((controls == "True").sum(), len(controls))]
 
 
-def _counted(number: int) -> str:
+def _or_none(number: int) -> str:
     return str(number) if number else "none"
 
 
 def published() -> list[str]:
     """Return how many numbers are published, and how many of them are of each status."""
     status = pd.concat([table(f"paper/{study}.csv")["status"] for study in STUDIES]).dropna()
-    return [str(len(status)), *(str(int((status == one).sum())) for one in STATUSES)]
+    return counted(len(status), *((status == one).sum() for one in STATUSES))
 
 
 def uturn_and_roundabout() -> list[str]:
@@ -220,7 +224,7 @@ def extracted() -> list[str]:
 def narrow() -> list[str]:
     """Return how many places keep a bus out at the least and at the largest width."""
     counts = table("liechtenstein/ranking.csv")["half_width_m"].value_counts().sort_index()
-    return [str(counts.iloc[0]), str(counts.iloc[-1])]
+    return counted(counts.iloc[0], counts.iloc[-1])
 
 
 def whole_routes() -> str:
@@ -240,13 +244,56 @@ def checked() -> list[str]:
     return [str(len(rows)), f"{apart:.2g}", str(int(rows["proved_from_m"].notna().sum()))]
 
 
-def objectives(first: str, second: str) -> Callable[[], list[str]]:
-    """Return what returns one row of the objectives' study."""
-    return lambda: pairs("objectives", (first, second))
-
-
 def gate() -> list[str]:
     """Return how many comparisons of the toy program with itself were red, of how many, and the same of changes for the worse."""
     rows = table("gate/gate.csv")
     sides = (rows[rows["program"] == "the same"], rows[rows["program"] != "the same"])
-    return [str(int(side[column].sum())) for side in sides for column in ("regressed", "comparisons")]
+    return counted(*(side[column].sum() for side in sides for column in ("regressed", "comparisons")))
+
+
+def balance_row(vehicle: str, objective: str) -> list[str]:
+    """Return one row of the study of the balance: imbalance [m], gains [%], growth of the reach [%] and of the curvature."""
+    rows = table("balanced/summary.csv")
+    row = rows[(rows["vehicle"] == vehicle) & (rows["objective"] == objective)].iloc[0]
+    forms = {"gain_percent": "{:.1f}", "least_gain_percent": "{:.1f}", "furthest_mean_percent": "{:.1f}", "furthest_most_percent": "{:.1f}"}
+    forms |= {"squared_changes_ratio": "{:.2f}", "max_kappa_ratio": "{:.2f}"}
+    return [f"{row['mean_abs_imbalance_m']:.2g}"] + [form.format(row[name]) for name, form in forms.items()]
+
+
+def worst_imbalance() -> str:
+    """Return the largest imbalance of a place with the geometric weight [m]."""
+    rows = table("balanced/summary.csv")
+    return f"{rows[rows['objective'] == 'geometric']['max_abs_imbalance_m'].max():.1f}"
+
+
+def trailer_gains() -> list[str]:
+    """Return the least and the largest gain of the tractor-trailer on real roads [%]."""
+    gains = _gains_on_roads("tractor-trailer").values()
+    return [f"{gain:.0f}" for gain in (min(gains), max(gains))]
+
+
+def bus_gains() -> list[str]:
+    """Return the least and the largest gain of the bus on the roads where its steering suffices, then those of the other two [%]."""
+    gains = _gains_on_roads("bus")
+    tight = [gains.pop(road) for road in ("liechtenstein_planken", "monaco_fairmont_hairpin")]
+    return [f"{gain:.0f}" for gain in (min(gains.values()), max(gains.values()), *tight)]
+
+
+def reaches() -> list[str]:
+    """Return in how many drives on real roads the largest reach falls, of how many, and by how much it grows at most [%]."""
+    rows = table("balanced/roads.csv")
+    ratio = rows["furthest_balanced_m"] / rows["furthest_geometric_m"]
+    return [*counted((ratio < 1.0).sum(), len(ratio)), f"{100.0 * (ratio.max() - 1.0):.1f}"]
+
+
+def _gains_on_roads(vehicle: str) -> dict[str, float]:
+    rows = table("balanced/roads.csv")
+    rows = rows[rows["vehicle"] == vehicle]
+    return dict(zip(rows["road"], rows["gain_percent"], strict=True))
+
+
+def long_road(km: int, plan: str) -> list[str]:
+    """Return the largest memory of a plan of a long road [MB], and its CPU time [s/km]."""
+    rows = table("long-roads/long_roads.csv")
+    row = rows[(rows["km"] == km) & (rows["plan"] == plan)].iloc[0]
+    return [f"{row['peak_mb']:.0f}", f"{row['cpu_s_per_km']:.2f}"]

@@ -8,12 +8,11 @@ results/export-c/fused
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import cast
@@ -22,7 +21,7 @@ os.environ.setdefault("HDVPLAN_CORE", "baseline")  # before the core is loaded: 
 
 import numpy as np
 import pandas as pd
-from cases import suite_roads
+from cases import options_of, suite_roads, words, write_results
 from exported_planner import ROUNDING, ExportedPlanner, compared, driven
 
 from hdvplan.api import drive_case
@@ -31,11 +30,9 @@ from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.driving.drive import Drive
 from hdvplan.export import UNLIMITED, Budget
-from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.result import result_of
 from hdvplan.machine import use_one_thread
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 from hdvplan.report.summary import summary_of
 from hdvplan.road.load import find_road
@@ -48,7 +45,7 @@ DEFAULT = Budget()
 HALF = Budget(DEFAULT.factorisations // 2, DEFAULT.linearisations // 2)
 
 
-def cases(roads: tuple[str, ...], vehicles: tuple[str, ...]) -> Iterator[tuple[str, Case]]:
+def cases(roads: Sequence[str], vehicles: Sequence[str]) -> Iterator[tuple[str, Case]]:
     """Return all cases with their class of limits."""
     for name in roads:
         road = find_road(name)()
@@ -89,16 +86,19 @@ def sizes(vehicle: str, folder: Path) -> dict[str, object]:
     case = Case(find_road("uturn")(), load_vehicle(vehicle))
     planner = ExportedPlanner(case, folder)
     subprocess.run(["make", "freestanding", "CFLAGS=-std=c99 -Os"], cwd=folder, check=True, capture_output=True)  # noqa: S607 - fixed
-    objects = sorted(str(path) for path in folder.glob("*.o"))
-    listed = subprocess.run(["size", *objects], check=True, capture_output=True, text=True)  # noqa: S603, S607 - ours
-    lines = listed.stdout.splitlines()[1:]
     stack = max(int(line.split("\t")[1]) for path in folder.glob("*.su") for line in path.read_text().splitlines())
     return {
         "vehicle": vehicle,
         "memory_bytes": planner.memory,
-        "code_bytes": sum(int(line.split()[0]) for line in lines),
+        "code_bytes": code_bytes(folder.glob("*.o")),
         "largest_frame_bytes": stack,
     }
+
+
+def code_bytes(compiled: Iterable[Path]) -> int:
+    """Return the bytes of code in objects or libraries."""
+    listed = subprocess.run(["size", *map(str, compiled)], check=True, capture_output=True, text=True)  # noqa: S603, S607 - ours
+    return sum(int(line.split()[0]) for line in listed.stdout.splitlines()[1:])
 
 
 def text(plans: pd.DataFrame, size: pd.DataFrame) -> str:
@@ -128,26 +128,23 @@ def text(plans: pd.DataFrame, size: pd.DataFrame) -> str:
 
 def main() -> None:
     """Measure and write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("results/export-c"))
-    parser.add_argument("--roads", default=",".join(suite_roads()))
-    parser.add_argument("--vehicles", default=",".join(VEHICLES))
+    parser = options_of(__doc__, "export-c")
+    parser.add_argument("--roads", type=words, default=suite_roads())
+    parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time: there is nothing that is timed")
     given = parser.parse_args()
     use_one_thread()
-    found = list(cases(tuple(given.roads.split(",")), tuple(given.vehicles.split(","))))
+    found = list(cases(given.roads, given.vehicles))
     with ProcessPoolExecutor(given.jobs) as pool:
         plans = pd.DataFrame(pool.map(row_of, *zip(*found, strict=True)))
     with tempfile.TemporaryDirectory() as folder:
         rows = []
-        for vehicle in given.vehicles.split(","):
+        for vehicle in given.vehicles:
             (place := Path(folder) / vehicle).mkdir()
             rows.append(sizes(vehicle, place))
-    given.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(given.out / "plans.csv", csv_bytes(plans))
-    write_atomically(given.out / "sizes.csv", csv_bytes(pd.DataFrame(rows)))
-    write_atomically(given.out / "export-c.md", text(plans, pd.DataFrame(rows)).encode())
-    write_record(given.out, [case for _, case in found])
+    size = pd.DataFrame(rows)
+    pages = {"export-c": text(plans, size)}
+    write_results(given.out, {"plans": plans, "sizes": size}, pages, [case for _, case in found], form=None)
 
 
 if __name__ == "__main__":

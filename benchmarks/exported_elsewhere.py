@@ -7,7 +7,6 @@ Writes elsewhere.csv, elsewhere.md and run.json. Needs cc, qemu-aarch64 and qemu
 
 from __future__ import annotations
 
-import argparse
 import re
 import subprocess
 import sys
@@ -17,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from cases import options_of, write_results
 from export_c import CLASSES
 
 from hdvplan.arrays import FloatArray
@@ -25,8 +25,6 @@ from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.export import Budget
 from hdvplan.export.write import PLANNER, exported
-from hdvplan.fileio import csv_bytes, write_atomically
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 from hdvplan.road.load import find_road
 from hdvplan.vehicle.load import load_vehicle
@@ -75,8 +73,7 @@ def rows_of(limits: str, case: Case, targets: Sequence[str]) -> list[dict[str, o
 
 def main() -> None:
     """Measure and write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("results/export-elsewhere"))
+    parser = options_of(__doc__, "export-elsewhere")
     parser.add_argument("--road", default="monaco_fairmont_hairpin")
     parser.add_argument("--vehicle", default="bus")
     parser.add_argument("--limits", nargs="+", default=list(CLASSES), metavar="CLASS")
@@ -87,16 +84,13 @@ def main() -> None:
     vehicle, road = load_vehicle(given.vehicle), find_road(given.road)()
     cases = {limits: Case(with_limits(road, vehicle, Suite(), limits), vehicle) for limits in given.limits}
     found = pd.DataFrame([row for limits, case in cases.items() for row in rows_of(limits, case, given.targets)])
-    given.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(given.out / "elsewhere.csv", csv_bytes(found))
     shown = found[found["target"] != "here"].drop(columns=["road", "vehicle"])
     shown["difference"] = shown["difference"].map("{:.1e}".format)
     page = (
         f"The {given.vehicle} along {given.road}: the largest difference of a state or curvature from the drive of the same files here, "
         f"and how the plans ended.\n\n{markdown_table(shown, text=('limits', 'target'))}\n"
     )
-    write_atomically(given.out / "elsewhere.md", page.encode())
-    write_record(given.out, list(cases.values()))
+    write_results(given.out, {"elsewhere": found}, {"elsewhere": page}, list(cases.values()), form=None)
 
 
 if __name__ == "__main__":

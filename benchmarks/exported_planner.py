@@ -16,14 +16,11 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
-from hdvplan.driving.drive import Drive, Ready, ready
+from hdvplan.driving.drive import Drive
 from hdvplan.driving.drive import driven as driven_from
 from hdvplan.export import UNLIMITED, Budget
-from hdvplan.export.write import PLANNER, exported
-from hdvplan.passing.sides import choose_sides
-from hdvplan.planning.objectives import objective_named
+from hdvplan.export.write import PLANNER, begun, exported
 from hdvplan.planning.planner import Plan, Planner
-from hdvplan.solvers.registry import dependable
 from hdvplan.stepping import Stepper
 
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
@@ -67,14 +64,15 @@ void counts(int64_t *to, double *violation) {
 
 
 @cache
-def _objects(texts: tuple[tuple[str, str], ...], compiler: str, flags: tuple[str, ...]) -> list[str]:
+def _objects(texts: tuple[tuple[str, str], ...], flags: tuple[str, ...]) -> list[str]:
     """Return the object files of a vehicle's planner and its probe, compiled once for all its roads."""
     made = tempfile.mkdtemp()
     atexit.register(shutil.rmtree, made)
     for name, text in texts:
         Path(made, name).write_text(text, encoding="utf-8")
     sources = ["planner.c", "vehicle.c", "probe.c", *(f"{name}.c" for name in PLANNER)]
-    subprocess.run([compiler, *FLAGS, *flags, "-fPIC", "-c", *sources], cwd=made, check=True, capture_output=True, text=True)  # noqa: S603 - ours
+    command = ["cc", *FLAGS, *flags, "-fPIC", "-c", *sources]
+    subprocess.run(command, cwd=made, check=True, capture_output=True, text=True)  # noqa: S603 - ours
     return sorted(str(path) for path in Path(made).glob("*.o"))
 
 
@@ -84,14 +82,14 @@ class ExportedPlanner:
     ``counts`` has what each plan took: its status in C, programs, factorisations and linearisations; ``memory`` [bytes].
     """
 
-    def __init__(self, case: Case, folder: Path, *, compiler: str = "cc", flags: tuple[str, ...] = ("-O2",)) -> None:
+    def __init__(self, case: Case, folder: Path, *, flags: tuple[str, ...] = ("-O2",)) -> None:
         """Write and compile."""
         texts = exported(case, UNLIMITED) | {"probe.c": _PROBE}
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
         del texts["sample.c"]
-        objects = _objects(tuple(texts.items()), compiler, flags)
-        command = [compiler, "-std=c99", "-shared", "-fPIC", "-o", "planner.so", "sample.c", *objects, "-lm"]
+        objects = _objects(tuple(texts.items()), flags)
+        command = ["cc", "-std=c99", "-shared", "-fPIC", "-o", "planner.so", "sample.c", *objects, "-lm"]
         subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)  # noqa: S603 - ours
         library = ctypes.CDLL(str(folder / "planner.so"))
         library.motion.restype = ctypes.POINTER(ctypes.c_double)
@@ -155,12 +153,6 @@ def compared(case: Case, planner: ExportedPlanner) -> Apart:
         recounted += planner.counts[-1][1:3] != (plan.qp_count, plan.qp_iterations)
         stepper.arrive(stepper.simulate(plan)[-1], float(plan.kappa[stepper.count - 1]))
     return Apart(most, beyond, recounted)
-
-
-def begun(case: Case) -> Ready:
-    """Return what a drive of a case begins with."""
-    road, _ = choose_sides(case)
-    return ready(road, case.vehicle, objective_named(case.objective), dependable(case.solver), case.settings, case.bias)
 
 
 class _InPlace:

@@ -6,7 +6,6 @@ instructions and for reads of memory that was never written, valgrind with its h
 
 from __future__ import annotations
 
-import argparse
 import re
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from cases import options_of
 from random_drives import edges_around, random_drive, road_around
 
 from hdvplan.case import Case
@@ -221,8 +221,7 @@ def text(rows: pd.DataFrame) -> str:
 
 def main() -> None:
     """Measure and write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("results/export-stress"))
+    parser = options_of(__doc__, "export-stress")
     parser.add_argument("--vehicles", type=int, default=20)
     parser.add_argument("--streets", type=int, default=8)
     parser.add_argument("--steps", type=int, default=6250, help="of each vehicle on each street")

@@ -7,31 +7,26 @@ python benchmarks/finer.py [--out results/finer] [--proof results/proof/widths.c
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from time import process_time
 
 import numpy as np
 import pandas as pd
-from cases import case_within, free_case
+from cases import case_within, free_case, options_of, write_results
 
 from hdvplan import api
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Plan, plan again where the limits are broken, and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/finer"))
+    parser = options_of(__doc__, "finer")
     parser.add_argument("--proof", type=Path, default=Path("results/proof/widths.csv"))
-    options = parser.parse_args(arguments)
-    options.out.mkdir(parents=True, exist_ok=True)
+    options = parser.parse_args()
     table = pd.read_csv(options.proof)
     unproved = table[~table["fits"] & table["kind"].isna()]
     unproved = unproved[["road", "vehicle", "half_width"]]
@@ -39,9 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         case_within(free_case(str(road), str(vehicle)), float(half)) for road, vehicle, half in unproved.itertuples(index=False, name=None)
     ]
     roads = unproved.reset_index(drop=True).join(pd.DataFrame(map(_tried, cases)))
-    roads.to_csv(options.out / "roads.csv", index=False, float_format="%.4f", lineterminator="\n")
-    (options.out / "finer.md").write_text(_page(roads), encoding="utf-8")
-    write_record(options.out, cases)
+    write_results(options.out, {"roads": roads}, {"finer": _page(roads)}, cases)
 
 
 def _lacking(result: Result) -> float:

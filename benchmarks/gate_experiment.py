@@ -8,7 +8,6 @@ on from there.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -20,12 +19,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
-from gate_patches import HEAVY, HELPER, LATE, PATCHES, QUARTER, SAME, TOY, patched
+from cases import options_of, write_results, write_table
+from gate_patches import HEAVY, HELPER, LATE, PATCHES, QUARTER, SAME, TOY, make_repository, patched
 
 from hdvplan.bench.comparing.decision import GateVerdict
-from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically
+from hdvplan.fileio import json_bytes, read_json, write_atomically
 from hdvplan.machine import load_average, machine_facts
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 
 QUIET, LOADED = "as it is", "one busy process more"
@@ -54,20 +53,10 @@ def load(*, wanted: bool) -> Iterator[None]:
         process.wait()
 
 
-def repository(top: Path) -> None:
-    """Make the toy's repository, of one commit."""
-    top.mkdir()
-    for name, text in {"toy.py": TOY, "helper.py": HELPER, "late.py": LATE, "heavy.py": HEAVY}.items():
-        (top / name).write_text(text, encoding="utf-8")
-    git = ["git", "-C", str(top), "-c", "user.name=a", "-c", "user.email=a@example.org"]
-    for words in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "--message", "one"]):
-        subprocess.run([*git, *words], check=True)  # noqa: S603 - fixed
-
-
 def compared(folder: Path, program: str, situation: str) -> dict[str, object]:
     """Run the gate once for a change and return a row: how it ended, in what time, and what it said."""
     top = Path(tempfile.mkdtemp(dir=folder)) / "toy"
-    repository(top)
+    make_repository(top, {"toy.py": TOY, "helper.py": HELPER, "late.py": LATE, "heavy.py": HEAVY})
     (top / "toy.py").write_text(TOY if program == SAME else patched(PATCHES[program]), encoding="utf-8")
     command = [sys.executable, "-P", "-m", "hdvplan", "bench", "--against", "HEAD", "--command", "python toy.py", *LIMITS]
     with load(wanted=situation == LOADED):
@@ -118,8 +107,7 @@ def markdown(table: pd.DataFrame, jobs: int) -> str:
 
 def main() -> None:
     """Compare, and write the table; ``--only`` prints the row of one change."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/gate"), metavar="DIR")
+    parser = options_of(__doc__, "gate")
     parser.add_argument("--same", type=int, default=50, metavar="N", help="comparisons of the program with itself, half of them loaded")
     parser.add_argument("--quarters", type=int, default=10, metavar="N", help="loaded comparisons with a quarter more work")
     parser.add_argument("--record", type=Path, default=Path("gate-record"), metavar="DIR", help="where rows are kept")
@@ -134,12 +122,13 @@ def main() -> None:
         folder = Path(name) if asked.only else asked.record
         folder.mkdir(parents=True, exist_ok=True)
         table = table_of(list(pool.map(lambda one: kept(folder, Path(name), *one), wanted)))
-    asked.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(asked.out / "gate.csv", csv_bytes(table))
-    if not asked.only:
-        write_atomically(asked.out / "gate.md", markdown(table, asked.jobs).encode())
-        write_record(asked.out, [])
-        print(markdown(table, asked.jobs))
+    if asked.only:
+        asked.out.mkdir(parents=True, exist_ok=True)
+        write_table(asked.out / "gate.csv", table, form=None)
+        return
+    page = markdown(table, asked.jobs)
+    write_results(asked.out, {"gate": table}, {"gate": page}, [], form=None)
+    print(page)
 
 
 if __name__ == "__main__":

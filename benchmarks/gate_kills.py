@@ -18,6 +18,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from gate_patches import make_repository
+
 TOKEN = "HDVPLAN_GATE_KILLS"  # a variable that all processes of a run inherit  # noqa: S105 - no password
 PROJECT = """
 [build-system]
@@ -49,16 +51,6 @@ import json, subprocess, sys, time
 subprocess.run([sys.executable, "-c", "import time; time.sleep(0.1)"])
 print(json.dumps({"cells": {"depot": [0.001, 0.0011, 0.0012]}}))
 """
-
-
-def make_repository(top: Path) -> None:
-    """Make the repository."""
-    top.mkdir()
-    for name, content in (("pyproject.toml", PROJECT), ("backend.py", BACKEND), ("ours.py", OURS)):
-        (top / name).write_text(content, encoding="utf-8")
-    git = ["git", "-C", str(top), "-c", "user.name=a", "-c", "user.email=a@example.org"]
-    for words in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "--message", "one"]):
-        subprocess.run([*git, *words], check=True)  # noqa: S603 - fixed
 
 
 def gate(top: Path, folder: Path, token: str) -> subprocess.Popen[str]:
@@ -98,7 +90,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         top = folder / "repository"
-        make_repository(top)
+        make_repository(top, {"pyproject.toml": PROJECT, "backend.py": BACKEND, "ours.py": OURS})
         whole = 0.0
         for kill in range(asked.kills + 1):
             for past in ("cache", "temporary"):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Mapping
+from pathlib import Path
 
 SAME, QUARTER = "the same", "a quarter more work in every step"
 TOY = """\
@@ -164,3 +166,13 @@ def patched(patch: Patch) -> str:
             raise ValueError(old)
         text = text.replace(old, new)
     return text
+
+
+def make_repository(top: Path, files: Mapping[str, str]) -> None:
+    """Make a repository of one commit."""
+    top.mkdir()
+    for name, text in files.items():
+        (top / name).write_text(text, encoding="utf-8")
+    git = ["git", "-C", str(top), "-c", "user.name=a", "-c", "user.email=a@example.org"]
+    for words in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "--message", "one"]):
+        subprocess.run([*git, *words], check=True)  # noqa: S603 - fixed

@@ -5,7 +5,6 @@ Writes horizon.csv, horizon.md, horizon.png and run.json. The growth that a line
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from cases import options_of, words, write_results
+from matplotlib.figure import Figure
 
 from hdvplan.bench.measuring.courses import cases_of
 from hdvplan.bench.measuring.measure import measure
@@ -20,10 +21,9 @@ from hdvplan.bench.measuring.samples import Measurement
 from hdvplan.bench.measuring.stats import tables_of
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
-from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.machine import machine_facts, use_one_thread
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
+from hdvplan.report.style import styled
 from hdvplan.solvers.registry import solver_named
 
 STAGES = (100, 200, 400, 800, 1600)
@@ -81,10 +81,6 @@ def markdown(table: pd.DataFrame, road: str, rounds: int) -> str:
 
 def draw(table: pd.DataFrame, path: Path) -> None:
     """Draw time over stages, one panel a vehicle, with a line of linear growth through the last solver's first point."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-
-    from hdvplan.report.style import styled  # noqa: PLC0415 - as above
-
     with styled():
         vehicles = list(dict.fromkeys(table["vehicle"]))
         figure = Figure(figsize=(4.5 * len(vehicles), 4.0), layout="constrained")
@@ -104,26 +100,23 @@ def draw(table: pd.DataFrame, path: Path) -> None:
 
 def main() -> None:
     """Measure and write the table and the picture."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/horizon"), metavar="DIR")
+    parser = options_of(__doc__, "horizon")
     parser.add_argument("--road", default="goteborg_nya_allen", metavar="ROAD")
-    parser.add_argument("--vehicles", default="bus,tractor-trailer", metavar="A,B")
-    parser.add_argument("--solvers", default=",".join(SOLVERS), metavar="A,B")
+    parser.add_argument("--vehicles", type=words, default="bus,tractor-trailer", metavar="A,B")
+    parser.add_argument("--solvers", type=words, default=",".join(SOLVERS), metavar="A,B")
     parser.add_argument("--rounds", type=int, default=3, metavar="N")
     asked = parser.parse_args()
     tables, driven = [], []
-    for vehicle in asked.vehicles.split(","):
-        suites = suites_of(asked.road, vehicle, tuple(asked.solvers.split(",")), asked.rounds)
+    for vehicle in asked.vehicles:
+        suites = suites_of(asked.road, vehicle, tuple(asked.solvers), asked.rounds)
         cases = {stages: cases_of(suite) for stages, suite in suites.items()}
         tables.append(table_of(suites, cases))
         driven += [case for some in cases.values() for case in some]
     table = pd.concat(tables)
-    asked.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(asked.out / "horizon.csv", csv_bytes(table))
-    write_atomically(asked.out / "horizon.md", markdown(table, asked.road, asked.rounds).encode())
+    page = markdown(table, asked.road, asked.rounds)
+    write_results(asked.out, {"horizon": table}, {"horizon": page}, driven, form=None)
     draw(table, asked.out / "horizon.png")
-    write_record(asked.out, driven)
-    print(markdown(table, asked.road, asked.rounds))
+    print(page)
 
 
 if __name__ == "__main__":

@@ -9,16 +9,14 @@ held against the edges, the street's ends included. A seed whose drive meets its
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from dataclasses import replace
-from itertools import count
+from functools import partial
 from pathlib import Path
 from time import process_time
 
 import numpy as np
 import pandas as pd
-from cases import numbers, words
+from cases import fill_by_seed, numbers, options_of, words
 from random_drives import crosses, edges_around, random_drive, road_around
 
 from hdvplan import api
@@ -38,30 +36,21 @@ _CHORDS_M = 2e-3  # of the edges, and sweeps of the judge
 _WAYS = ("rti", "repaired", "finer")
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Plan along every known drive, and write a row a street."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/known-drives"))
+    parser = options_of(__doc__, "known-drives")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--drives", type=int, default=60)
     parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
     parser.add_argument("--margins", type=numbers, default=list(MARGINS_M))
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     table = options.out / "known.csv"
     for name in options.vehicles:
         vehicle = load_vehicle(name)
         for margin in options.margins:
-            known = _known(table, name, margin)
-            for seed in count(options.first):
-                if len(known) >= options.drives:
-                    break
-                row = None if seed in known else _tried(vehicle, seed, margin)
-                if row is not None:
-                    known.add(seed)
-                    pd.DataFrame([row]).to_csv(
-                        table, mode="a", header=not table.exists(), index=False, float_format="%.4f", lineterminator="\n"
-                    )
+            known, row_of = _known(table, name, margin), partial(_tried, vehicle, margin)
+            fill_by_seed(table, known, row_of, first=options.first, most=options.drives, form="%.4f")
     (options.out / "known.md").write_text(_page(pd.read_csv(table, keep_default_na=False)), encoding="utf-8")
     write_record(options.out, [])  # a seed is all that a case needs
 
@@ -74,7 +63,7 @@ def _known(table: Path, name: str, margin: float) -> set[int]:
     return set(rows["seed"][(rows["vehicle"] == name) & (rows["margin"] == margin)])
 
 
-def _tried(vehicle: Vehicle, seed: int, margin: float) -> dict[str, object] | None:
+def _tried(vehicle: Vehicle, margin: float, seed: int) -> dict[str, object] | None:
     """Return the row of a street: what every way has to spare; None where the known drive meets itself."""
     poses = random_drive(vehicle, seed)
     edges = edges_around(vehicle, poses, margin)

@@ -12,23 +12,20 @@ such lines behind each other in one leg forwards. Rounds alternate all; every st
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from cases import options_of, words, write_results
 
 from hdvplan.arrays import FloatArray
 from hdvplan.centring.stationary import CentringTable
 from hdvplan.driving.drive import simulate
 from hdvplan.driving.legs import drive_legs, ready_legs
 from hdvplan.errors import HdvplanError
-from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.machine import use_one_thread
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.settings import PlannerSettings
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 from hdvplan.road.legs import Leg, Legs
 from hdvplan.road.path import from_curvature
@@ -166,20 +163,16 @@ geometric half width.
 
 def main() -> None:
     """Write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/legs"), metavar="DIR")
-    parser.add_argument("--vehicles", default=",".join(VEHICLES), metavar="A,B")
+    parser = options_of(__doc__, "legs")
+    parser.add_argument("--vehicles", type=words, default=",".join(VEHICLES), metavar="A,B")
     asked = parser.parse_args()
-    vehicles = [load_vehicle(name) for name in asked.vehicles.split(",")]
+    vehicles = [load_vehicle(name) for name in asked.vehicles]
     cells = [(vehicle, horizon, replan) for vehicle in vehicles for horizon in HORIZONS_M for replan in REPLANS_M if replan < horizon]
     backing = pd.DataFrame([row(*cell, errors) for cell in cells for errors in (NONE, SOME)])
     times = pd.DataFrame([one for vehicle in vehicles for limited in (False, True) for one in timed(vehicle, limited=limited)])
-    asked.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(asked.out / "backing.csv", csv_bytes(backing.round(4)))
-    write_atomically(asked.out / "times.csv", csv_bytes(times))
-    write_atomically(asked.out / "legs.md", markdown(backing, times).encode())
-    write_record(asked.out, [])
-    print(markdown(backing, times))
+    page = markdown(backing, times)
+    write_results(asked.out, {"backing": backing.round(4), "times": times}, {"legs": page}, [], form=None)
+    print(page)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ import json
 import shutil
 import sys
 import tomllib
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,14 +82,14 @@ _NONE = "#d7191c"  # no width is enough
 _LINE_PT, _DOT_PT2, _PANEL_IN = 1.6, 8.0, (1.9, 4.6)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Make the tables and the picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--study", type=Path, default=Path("benchmarks/studies/liechtenstein.out"))
     parser.add_argument("--roads", type=Path, default=Path("benchmarks/studies/liechtenstein.bus"))
     parser.add_argument("--out", type=Path, default=Path("results/liechtenstein"))
     parser.add_argument("--again", metavar="ROAD,VEHICLE,HALF_WIDTH", help="plan this cell again, and write its row of checked.csv alone")
-    asked = parser.parse_args(arguments)
+    asked = parser.parse_args()
     if asked.again:
         again(asked.again, asked.out)
         return

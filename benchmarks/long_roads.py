@@ -8,20 +8,18 @@ plan: CPU time, largest memory, distances of the plan in pieces from the undivid
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from time import process_time
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from cases import numbers, words
+from cases import numbers, options_of, words, write_table
 
 from hdvplan.api import plan
 from hdvplan.arrays import FloatArray
@@ -40,17 +38,16 @@ _FIRST_M = 2e3
 _LINK_M = 30.0  # straight between one time and the next
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Measure every length, and write the tables."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/long-roads"))
+    parser = options_of(__doc__, "long-roads")
     parser.add_argument("--lengths", type=numbers, default=[10.0, 100.0, 1000.0])
     parser.add_argument("--whole", type=float, default=100.0, help="longest that is planned undivided as well [km]")
     parser.add_argument("--vehicles", type=words, default=["bus", "tractor-trailer"])
     parser.add_argument("--half-width", type=float, default=4.0)
     parser.add_argument("--one", type=Path, help="plan this line, in pieces or --undivided, and print what it took")
     parser.add_argument("--undivided", action="store_true")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     if options.one is not None:
         print(json.dumps(measured(options.one, options.vehicles[0], options.half_width, options.out, undivided=options.undivided)))
         return
@@ -59,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for vehicle in options.vehicles:
         for km in options.lengths:
             rows += rows_of(km, vehicle, options.half_width, whole=km <= options.whole)
-            pd.DataFrame(rows).to_csv(options.out / "long_roads.csv", index=False, float_format="%.5g", lineterminator="\n")
+            write_table(options.out / "long_roads.csv", pd.DataFrame(rows), "%.5g")
     write_record(options.out, [case_of(load_road(ROAD), vehicle, options.half_width) for vehicle in options.vehicles])
 
 

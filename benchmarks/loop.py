@@ -7,14 +7,12 @@ Streets and clearances are those of results/tracking/roads.csv. Writes loop.csv,
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from cases import case_within, free_case, words, write_results
+from cases import case_within, free_case, options_of, words, write_results
 
 import hdvplan
 from hdvplan.case import Case
@@ -51,13 +49,12 @@ def rows_of(case: Case) -> list[dict[str, object]]:
     return found
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Follow a plan on every road with every vehicle and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/loop"))
+    parser = options_of(__doc__, "loop")
     parser.add_argument("--roads", type=words)
     parser.add_argument("--vehicles", type=words)
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     rows, cases = [], []
     for street in pd.read_csv(STREETS).to_dict("records"):
         if street["road"] in (options.roads or [street["road"]]) and street["vehicle"] in (options.vehicles or [street["vehicle"]]):
@@ -65,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             cases.append(replace(case, settings=replace(case.settings, clearance=street["clearance_m"])))
             rows += rows_of(cases[-1])
     table = pd.DataFrame(rows)
-    write_results(options.out, "loop", table, markdown(table), cases)
+    write_results(options.out, {"loop": table}, {"loop": markdown(table)}, cases)
 
 
 def markdown(table: pd.DataFrame) -> str:

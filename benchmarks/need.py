@@ -8,14 +8,12 @@ schemes and starts look for a plan 2 cm narrower: none may fit.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from time import process_time
 
 import pandas as pd
-from cases import case_within, free_case, suite_roads, words, write_results
+from cases import case_within, free_case, options_of, suite_roads, words, write_results
 
 from hdvplan.api import plan, replanned
 from hdvplan.case import Case
@@ -34,14 +32,13 @@ _OBJECTIVES = ("geometric", "balanced", "lead-axle", "trail-axle", "art-weighted
 _STARTS_M = (-0.3, 0.3)  # biases that begin the search elsewhere
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Find and check every need, and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/need"))
+    parser = options_of(__doc__, "need")
     parser.add_argument("--roads", type=words, default=suite_roads())
     parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
     parser.add_argument("--hunted", type=words, default=list(HUNTED))
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     rows, cases = [], []
     for name in options.roads:
         for vehicle in options.vehicles:
@@ -49,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             rows.append(checked(cases[-1], hunted=name in options.hunted))
             print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)
-    write_results(options.out, "need", table, markdown(table), cases)
+    write_results(options.out, {"need": table}, {"need": markdown(table)}, cases)
 
 
 def checked(case: Case, *, hunted: bool) -> dict[str, object]:

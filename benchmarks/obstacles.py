@@ -7,14 +7,11 @@ python benchmarks/obstacles.py [--out results/obstacles] [--rounds 5]
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from cases import case_within, free_case, write_results
+from cases import case_within, free_case, options_of, write_results
 
 from hdvplan.api import drive_case
 from hdvplan.case import Case
@@ -35,12 +32,11 @@ VAN_LENGTH_M, VAN_EDGE_M = 6.0, -0.8  # from the right, to this offset: wheels m
 FIRST_M, LAST_M = 120.0, 50.0  # from the road's start, and before its end
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Drive all combinations interleaved and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/obstacles"))
+    parser = options_of(__doc__, "obstacles")
     parser.add_argument("--rounds", type=int, default=5)
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     rows: list[dict[str, object]] = []
     driven: list[Case] = []
     for name, half_width in ROADS.items():
@@ -55,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     table = pd.DataFrame(rows)
     shown = table.assign(**{str(name): table[name].map("{:.3f}".format) for name in table.select_dtypes("float")})
     text = f"{TITLE}{markdown_table(shown, text=('road', 'vehicle'))}\n"
-    write_results(options.out, "obstacles", table, text, driven)
+    write_results(options.out, {"obstacles": table}, {"obstacles": text}, driven)
 
 
 def with_vans(road: Road, half_width: float, apart: float) -> tuple[Road, int]:

@@ -6,28 +6,25 @@ Needs the extra ``peers``: pip install -e .[peers]
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pandas as pd
+from cases import options_of, words, write_results
 from exact_nlp import Method, Optimum, deepest_cut, exact_nlp
 
 from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.suite import Suite
 from hdvplan.case import Case
 from hdvplan.centring.stationary import CentringTable
-from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.machine import machine_facts, use_one_thread
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.planner import Plan, Planner
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.planning.stations import stations_of
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 from hdvplan.road.load import load_road
 from hdvplan.solvers.registry import solver_named
@@ -114,25 +111,21 @@ def markdown(table: pd.DataFrame) -> str:
 
 def main() -> None:
     """Compare on the papers' scenarios and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/peers"), metavar="DIR")
-    parser.add_argument("--roads", default="uturn,sturn", metavar="A,B")  # bends within the first horizon
-    parser.add_argument("--vehicles", default="bus,tractor-trailer", metavar="A,B")
+    parser = options_of(__doc__, "peers")
+    parser.add_argument("--roads", type=words, default="uturn,sturn", metavar="A,B")  # bends within the first horizon
+    parser.add_argument("--vehicles", type=words, default="bus,tractor-trailer", metavar="A,B")
     parser.add_argument("--repeats", type=int, default=5, metavar="N")
     asked = parser.parse_args()
     rows, cases = [], []
-    for road in asked.roads.split(","):
-        for vehicle in asked.vehicles.split(","):
+    for road in asked.roads:
+        for vehicle in asked.vehicles:
             for case, suite in CASES.items():
                 print(f"{road}, {vehicle}, {case}", file=sys.stderr)
                 units = load_vehicle(vehicle)
                 cases.append(Case(with_limits(load_road(road), units, suite), units, settings=USER))
                 rows.append({"road": road, "vehicle": vehicle, "case": case} | compare(cases[-1], asked.repeats))
     table = pd.DataFrame(rows)
-    asked.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(asked.out / "peers.csv", csv_bytes(table))
-    write_atomically(asked.out / "peers.md", markdown(table).encode())
-    write_record(asked.out, cases)
+    write_results(asked.out, {"peers": table}, {"peers": markdown(table)}, cases, form=None)
     print(markdown(table))
 
 

@@ -10,14 +10,13 @@ Goes on where it stopped. A cell that is planned within its limits is examined t
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from itertools import product
 from pathlib import Path
 from time import process_time
 
 import pandas as pd
-from cases import case_within, free_case, numbers, suite_roads, words
+from cases import append_row, case_within, free_case, numbers, options_of, suite_roads, words
 
 from hdvplan.api import plan
 from hdvplan.case import Case
@@ -36,16 +35,15 @@ VEHICLES = ("bus", "citaro-k", "tractor-trailer")
 Row = dict[str, object]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Prove, and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/proof"))
+    parser = options_of(__doc__, "proof")
     parser.add_argument("--roads", type=words)
     parser.add_argument("--vehicles", type=words)
     parser.add_argument("--half-widths", type=numbers, help="of the runs in --widths")
     parser.add_argument("--widths", type=Path, default=Path("results/widths/widths.csv"))
     parser.add_argument("--skip", choices=("need", "widths"))
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     pairs = []
     if options.skip != "need":
@@ -75,7 +73,7 @@ def _filled(table: Path, keys: list[str], wanted: Iterable[tuple[object, ...]], 
     for key in wanted:
         if key not in done:
             row = dict(zip(keys, key, strict=True)) | row_of(*key)
-            pd.DataFrame([row]).to_csv(table, mode="a", header=not table.exists(), index=False, float_format="%.4f", lineterminator="\n")
+            append_row(table, row)
             print(*row.values(), sep="  ", flush=True)
 
 

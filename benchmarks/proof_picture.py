@@ -7,14 +7,12 @@ python benchmarks/proof_picture.py [--out results/proof-reach] [--road R] [--veh
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from cases import case_within, free_case, numbers
+from cases import case_within, free_case, numbers, options_of, write_results
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -24,7 +22,6 @@ from hdvplan.judging.balance import KEPT_M
 from hdvplan.proof.answer import RIGID, ROUNDING_M, grid_of
 from hdvplan.proof.reach import Reached, outline_of, reachable
 from hdvplan.proof.space import beside, frame_of
-from hdvplan.record import write_record
 from hdvplan.report import BODY_COLOURS, BREACH
 from hdvplan.report.style import figure_bytes, styled, write_head
 
@@ -43,16 +40,15 @@ class Followed:
     reached: Reached
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Follow the sets and draw them."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/proof-reach"))
+    parser = options_of(__doc__, "proof-reach")
     parser.add_argument("--road", default="monaco_fairmont_hairpin")
     parser.add_argument("--vehicle", default="bus")
     parser.add_argument("--half-widths", type=numbers, default=[3.25, 3.05])
     parser.add_argument("--s-from", type=float, default=290.0)
     parser.add_argument("--s-to", type=float, default=345.0)
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     cases = [case_within(free_case(options.road, options.vehicle), width) for width in options.half_widths]
     sets = [
         followed(case, options.s_from, options.s_to, f"limits at ±{width:.2f} m")
@@ -62,10 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     figure = reach_figure(
         sets, f"{options.vehicle} on {options.road}: all that any steering reaches from any pose at s = {options.s_from:.0f} m"
     )
-    options.out.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(ends).to_csv(options.out / "reach.csv", index=False, float_format="%.4f", lineterminator="\n")
+    write_results(options.out, {"reach": pd.DataFrame(ends)}, {}, cases)
     (options.out / "reach.png").write_bytes(figure_bytes(figure, "png"))
-    write_record(options.out, cases)
 
 
 def _told(one: Followed) -> dict[str, object]:

@@ -10,17 +10,14 @@ nothing would never be wrong.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from itertools import count
-from pathlib import Path
 from time import process_time
 
 import numpy as np
 import pandas as pd
 import shapely
-from cases import words
+from cases import fill_by_seed, options_of, words
 from random_drives import edges_around, random_drive, road_around, swept_by
 
 from hdvplan.arrays import FloatArray
@@ -40,25 +37,23 @@ _BESIDE_M = 1.0  # of room beside what was swept, where obstacles are meant to l
 _CORNER = 0.65  # of what counts as kept: a corner of a swept area lies further inside than its edges, by the root of two
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Try to prove what is driven, and write a row a case."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/proof/random"))
+    parser = options_of(__doc__, "proof/random")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--cases", type=int, default=400)
     parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
     parser.add_argument("--narrower", type=float, default=0.2)
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     table = options.out / "random.csv"
     done = set(pd.read_csv(table)["seed"]) if table.exists() else set()
-    for seed in count(options.first):
-        if len(done) >= options.cases:
-            break
-        row = None if seed in done else tried(seed, options.vehicles[seed % len(options.vehicles)], options.narrower)
-        if row is not None:
-            done.add(seed)
-            pd.DataFrame([row]).to_csv(table, mode="a", header=not table.exists(), index=False, float_format="%.3f", lineterminator="\n")
+    names: list[str] = options.vehicles
+
+    def row_of(seed: int) -> dict[str, object] | None:
+        return tried(seed, names[seed % len(names)], options.narrower)
+
+    fill_by_seed(table, done, row_of, first=options.first, most=options.cases, form="%.3f")
     rows = pd.read_csv(table, keep_default_na=False)
     controls = rows[rows["narrower_proved"] != ""]
     print(f"{len(rows)} cases that a drive fits: {int((rows['proof'] != '').sum())} called impossible")

@@ -21,8 +21,7 @@ from hdvplan.machine import BEHAVIOUR, use_one_thread
 use_one_thread()  # before NumPy is loaded: the sums of several threads come in any order
 
 import reference_bench  # noqa: E402 - see above
-import reference_judging  # noqa: E402
-import reference_planning  # noqa: E402
+import reference_drives  # noqa: E402
 import reference_roads  # noqa: E402
 from reference_rows import (  # noqa: E402
     AREAS,
@@ -44,13 +43,13 @@ from hdvplan.fileio import write_atomically  # noqa: E402
 _HERE = Path(__file__).parent
 CASES, RECORDED = _HERE / "reference.toml", _HERE / "reference.csv"
 _RUN: Mapping[str, Callable[[Told], Quantities]] = {
-    "planning": reference_planning.planned,
-    "judging": reference_judging.judged,
-    "tracking": reference_judging.tracked,
-    "regions": lambda told: {**reference_planning.planned(told), **reference_judging.judged(told)},
-    "passing": reference_planning.passed,
-    "need": reference_planning.needed,
-    "proof": reference_judging.proved,
+    "planning": reference_drives.planned,
+    "judging": reference_drives.judged,
+    "tracking": reference_drives.tracked,
+    "regions": lambda told: {**reference_drives.planned(told), **reference_drives.judged(told)},
+    "passing": reference_drives.passed,
+    "need": reference_drives.needed,
+    "proof": reference_drives.proved,
     "roads": reference_roads.loaded,
     "turning": reference_roads.turned,
     "bench": reference_bench.decided,

@@ -39,12 +39,12 @@ COMMANDS = {
 }
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Time everything in rounds, each in processes of its own and a folder that is new, and print the times."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--only", help="names, with commas between them", default=",".join((*COMMANDS, "study")))
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     tasks: dict[str, Callable[[Path], float]] = {name: partial(_command, words.split()) for name, words in COMMANDS.items()}
     tasks["study"] = _study
     names: list[str] = options.only.split(",")

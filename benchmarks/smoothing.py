@@ -13,7 +13,6 @@ import argparse
 import gc
 import json
 import tomllib
-from collections.abc import Sequence
 from pathlib import Path
 from time import process_time
 
@@ -27,11 +26,11 @@ SUITE = Path(__file__).with_name("suite.toml")
 BINDING = "liechtenstein_triesenberg"  # a hairpin of the least radius: Clarabel solves all its programs but the first
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Time every road once to load what is loaded once, then in rounds, and print the times."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=3)
-    rounds: int = parser.parse_args(arguments).rounds
+    rounds: int = parser.parse_args().rounds
     roads = {name: find_road(name) for name in (*tomllib.loads(SUITE.read_text(encoding="utf-8"))["roads"], BINDING)}
     times: dict[str, list[list[float]]] = {name: [] for name in roads}
     gc.disable()

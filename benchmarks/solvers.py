@@ -7,12 +7,12 @@ can install.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from pathlib import Path
 
 import pandas as pd
+from cases import options_of
 
 from hdvplan.bench.measuring.stats import summary_table
 from hdvplan.bench.measuring.timing import reasons_of
@@ -100,8 +100,7 @@ def page(out: Path, absent: list[str]) -> str:
 
 def main() -> None:
     """Measure both regimes and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/solvers"), metavar="DIR")
+    parser = options_of(__doc__, "solvers")
     parser.add_argument("--roads", default=",".join(ROADS), metavar="A,B")
     asked = parser.parse_args()
     solvers, absent = chosen()

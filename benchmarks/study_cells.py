@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import resource
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
@@ -31,13 +30,13 @@ ROAD = "s,kappa\n0,0\n6,0\n9,0.02\n12,0\n20,0\n"  # 20 m
 _WIDTHS, _FIRST_M, _BY_M = 100, 1.2, 0.01  # half widths, the least, and from one to the next; the rest are weights in the objective
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Run the study, and write what it took."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("results/study-cells"))
     parser.add_argument("--cells", type=int, default=100_000)
     parser.add_argument("--workers", type=int, default=1)
-    asked = parser.parse_args(arguments)
+    asked = parser.parse_args()
     use_one_thread()
     with tempfile.TemporaryDirectory() as name:
         (Path(name) / "short.csv").write_text(ROAD, encoding="utf-8")

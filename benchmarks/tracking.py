@@ -8,14 +8,11 @@ python benchmarks/tracking.py [--out results/tracking] [--roads a,b] [--vehicles
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from cases import case_within, free_case, suite_roads, words, write_results
+from cases import case_within, free_case, options_of, suite_roads, words, write_results
 from matplotlib.figure import Figure
 
 from hdvplan.api import clearest, plan
@@ -36,13 +33,12 @@ ROOM_M = 0.6
 AROUND_M, SIZE_IN = 12.0, (7.0, 5.0)  # of the picture: line before and beyond its places; paper
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Drive every road with every vehicle and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/tracking"))
+    parser = options_of(__doc__, "tracking")
     parser.add_argument("--roads", type=words, default=suite_roads())
     parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     rows, cases, drawn = [], [], None
     for road in options.roads:
         for vehicle in options.vehicles:
@@ -54,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(*row.values(), sep="  ", flush=True)
             drawn = clear if _lost(clear) > _lost(drawn) else drawn
     table = pd.DataFrame(rows)
-    write_results(options.out, "roads", table, markdown(table), cases)
+    write_results(options.out, {"roads": table}, {"roads": markdown(table)}, cases)
     if drawn is not None:
         (options.out / "place.png").write_bytes(figure_bytes(place_figure(drawn), "png"))
 

@@ -5,14 +5,11 @@ python benchmarks/tracking_attacks.py [--out results/tracking-attacks] [--vehicl
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from cases import words, write_results
+from cases import options_of, words, write_results
 
 from hdvplan.api import plan
 from hdvplan.arrays import FloatArray, Records
@@ -34,16 +31,16 @@ HAT_M, HATS = 1.0, 120  # width of the hats by which an optimiser changes an err
 ROUNDS, STEPS, NUDGE, CLOSE_M = 8, 21, 0.05, 1e-5  # its rounds at most, steps of each, share of E to feel with, and what ends it
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Attack a plan of every vehicle and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/tracking-attacks"))
+    parser = options_of(__doc__, "tracking-attacks")
     parser.add_argument("--vehicles", type=words, default=list(HALF_WIDTHS_M))
     parser.add_argument("--attacks", type=int, default=10_000)
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     with ProcessPoolExecutor(PROCESSES) as pool:
         table = pd.DataFrame(pool.map(attacked, options.vehicles, [options.attacks] * len(options.vehicles)))
-    write_results(options.out, "attacks", table, markdown(table), [case_of(scene_of(vehicle)) for vehicle in options.vehicles])
+    cases = [case_of(scene_of(vehicle)) for vehicle in options.vehicles]
+    write_results(options.out, {"attacks": table}, {"attacks": markdown(table)}, cases)
 
 
 def scene_of(vehicle: str) -> Scene:

@@ -5,14 +5,11 @@ python benchmarks/turning_heads.py [--out results/turning-heads] [--starts 5] [-
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
-from pathlib import Path
 from time import process_time
 
 import pandas as pd
+from cases import options_of, words, write_results
 
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 from hdvplan.turning.reversing.answer import reversing
 from hdvplan.turning.reversing.options import SiteOptions, Template
@@ -32,25 +29,20 @@ _RIGS = ("rigid-truck", "WB-40", "WB-67")
 _KINGSLEY = {3.5: 36.5, 4.0: 35.5, 4.5: 34.5, 5.0: 33.6, 5.5: 32.8}
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Look for every manoeuvre and write the tables."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/turning-heads"))
+    parser = options_of(__doc__, "turning-heads")
     parser.add_argument("--starts", type=int, default=5)
-    parser.add_argument("--cases", help="names of the first column, with commas between them")
-    asked = parser.parse_args(arguments)
-    wanted = None if asked.cases is None else asked.cases.split(",")
-    asked.out.mkdir(parents=True, exist_ok=True)
+    parser.add_argument("--cases", type=words, help="names of the first column, with commas between them")
+    asked = parser.parse_args()
     rows = [
         row
         for template, vehicle, place, options in _cases()
-        if wanted is None or str(template) in wanted
+        if asked.cases is None or str(template) in asked.cases
         for row in _rows(template, vehicle, place, options, asked.starts)
     ]
     table = pd.DataFrame(rows)
-    table.to_csv(asked.out / "heads.csv", index=False, float_format="%.4f", lineterminator="\n")
-    (asked.out / "heads.md").write_text(_page(table), encoding="utf-8")
-    write_record(asked.out, [])
+    write_results(asked.out, {"heads": table}, {"heads": _page(table)}, [])
 
 
 def _cases() -> list[tuple[Template, Vehicle, str, SiteOptions]]:

@@ -5,13 +5,9 @@ python benchmarks/widths.py [--out results/widths] [--roads a,b] [--vehicles a,b
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
-from cases import case_within, free_case, numbers, words, write_results
+from cases import case_within, free_case, numbers, options_of, words, write_results
 
 from hdvplan.api import plan
 from hdvplan.case import Case
@@ -25,14 +21,13 @@ VEHICLES = ("bus", "tractor-trailer", "tractor-trailer-24m")
 HALF_WIDTHS_M = (1.75, 2.25, 3.0, 3.5, 4.5, 6.0)  # roads 3.5, 4.5 and 6 m wide, and limits that far to each side
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Drive every combination and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("results/widths"))
+    parser = options_of(__doc__, "widths")
     parser.add_argument("--roads", type=words, default=list(shipped()))
     parser.add_argument("--vehicles", type=words, default=list(VEHICLES))
     parser.add_argument("--half-widths", type=numbers, default=list(HALF_WIDTHS_M))
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     rows, cases = [], []
     for name in options.roads:
         for vehicle in options.vehicles:
@@ -41,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 rows.append(driven(cases[-1], half_width))
                 print(*rows[-1].values(), sep="  ", flush=True)
     table = pd.DataFrame(rows)
-    write_results(options.out, "widths", table, markdown(table), cases)
+    write_results(options.out, {"widths": table}, {"widths": markdown(table)}, cases)
 
 
 def driven(case: Case, half_width: float) -> dict[str, object]:

@@ -9,27 +9,24 @@ given the lines of the drive, the walls and the boxes, nothing else. All from se
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
 from time import process_time
 
 import numpy as np
 import pandas as pd
 import shapely
+from cases import options_of, words, write_results
 
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.drive import simulate
 from hdvplan.errors import HdvplanError
-from hdvplan.fileio import csv_bytes, write_atomically
 from hdvplan.legs import plan_legs
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 from hdvplan.road.legs import Leg, Legs
 from hdvplan.road.load_legs import within
 from hdvplan.road.path import ReferencePath, evaluate_many, from_curvature, from_samples
 from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
-from hdvplan.vehicle.kinematics import place_many, points_on
+from hdvplan.vehicle.kinematics import corners_at, place_many
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 
@@ -96,12 +93,7 @@ def swept(vehicle: Vehicle, lines: list[tuple[ReferencePath, bool]]) -> shapely.
         z = simulate(vehicle.table(), long, 0.0, STEP_M, np.zeros(vehicle.states), kappa, 1)
         z[:, :2] = 0.0  # the lead axle follows the line; what the steps leave of that is centimetres
         poses = place_many(vehicle.table(), evaluate_many(long, s), z)
-        for number, unit in enumerate(vehicle.units):
-            ahead, left = (
-                np.array([unit.front, unit.front, -unit.rear_overhang, -unit.rear_overhang]),
-                0.5 * unit.width * np.array([-1, 1, 1, -1]),
-            )
-            outlines += np.asarray(shapely.polygons(points_on(poses[:, number, None], ahead, left))).tolist()
+        outlines += np.asarray(shapely.polygons(corners_at(vehicle, poses))).ravel().tolist()
     return shapely.union_all(outlines)
 
 
@@ -139,18 +131,14 @@ def row(vehicle: Vehicle, seed: int) -> dict[str, object]:
 
 def main() -> None:
     """Write the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/yards"), metavar="DIR")
-    parser.add_argument("--vehicles", default=",".join(KINDS), metavar="A,B")
+    parser = options_of(__doc__, "yards")
+    parser.add_argument("--vehicles", type=words, default=",".join(KINDS), metavar="A,B")
     asked = parser.parse_args()
-    vehicles = [load_vehicle(name) for name in asked.vehicles.split(",")]
+    vehicles = [load_vehicle(name) for name in asked.vehicles]
     table = pd.DataFrame([row(vehicle, seed) for vehicle in vehicles for seed in range(YARDS)])
-    asked.out.mkdir(parents=True, exist_ok=True)
-    write_atomically(asked.out / "yards.csv", csv_bytes(table))
     counts = table.groupby("vehicle", sort=False).agg(yards=("fits", "size"), found=("fits", "sum"), cpu_s=("cpu_s", "mean")).reset_index()
     text = f"# Yards in which a drive is known that fits\n\n{markdown_table(counts.round(2), text=('vehicle',))}\n"
-    write_atomically(asked.out / "yards.md", text.encode())
-    write_record(asked.out, [])
+    write_results(asked.out, {"yards": table}, {"yards": text}, [], form=None)
     print(text)
 
 

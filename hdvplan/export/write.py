@@ -65,7 +65,8 @@ def exported(case: Case, budget: Budget) -> dict[str, str]:
 
     """
     planner = _planner(case)
-    files = _core_files(planner)
+    shape = planner.scene.qp.shape
+    files = core_files((*PLANNER, *_SAMPLE), len(planner.scene.units), shape.states, shape.inputs)  # with room for this vehicle alone
     for name in _OWN:
         files[name] = (_HERE / name).read_text(encoding="utf-8")
     files["Makefile"] = files["Makefile"].replace("@PLANNER@", " ".join(["planner.c", "vehicle.c", *(f"{name}.c" for name in PLANNER)]))
@@ -89,18 +90,23 @@ def write_planner(case: Case, directory: Path, budget: Budget) -> None:
     Together(RECORD, tuple(texts), {RECORD: "software"}).write(directory, contents)
 
 
+def begun(case: Case) -> Ready:
+    """Return what a drive of a case begins with."""
+    road, _ = choose_sides(case)
+    return ready(road, case.vehicle, objective_named(case.objective), dependable(case.solver), case.settings, case.bias)
+
+
 def _planner(case: Case) -> _Planner:
     """Return a case's planner, with memory for one horizon."""
     if case.solver_name != "riccati":
         msg = f"only the solver riccati is exported, not {case.solver_name}"
         raise OptionError(msg, hint="leave --solver out")
-    road, _ = choose_sides(case)
-    begun = ready(road, case.vehicle, objective_named(case.objective), dependable(case.solver), case.settings, case.bias)
-    if len(begun.goal.terms) != 1 or not isinstance(begun.goal.terms[0], Centring):
+    start = begun(case)
+    if len(start.goal.terms) != 1 or not isinstance(start.goal.terms[0], Centring):
         msg = f"the objective {case.objective_name} cannot be exported: it is more than centring two axles"
         raise OptionError(msg, hint="export one that centres an axle, or a weighted sum of two, such as geometric or lead-axle")
-    scene, parts = assemble(case.vehicle, begun.stations, begun.goal, case.settings)
-    return _Planner(begun, scene, {_name(part): part for part in parts if isinstance(part, CorePart)})
+    scene, parts = assemble(case.vehicle, start.stations, start.goal, case.settings)
+    return _Planner(start, scene, {_name(part): part for part in parts if isinstance(part, CorePart)})
 
 
 def _name(part: Part) -> str:
@@ -108,12 +114,6 @@ def _name(part: Part) -> str:
     assert isinstance(part, CorePart)  # noqa: S101 - for the type checker: centring and what every program has are
     name: str = part.functions.linearise.__name__
     return name.removeprefix("hdv_linearise_")
-
-
-def _core_files(planner: _Planner) -> dict[str, str]:
-    """Return the core's files that planning and the sample need, with room for this vehicle alone."""
-    shape = planner.scene.qp.shape
-    return core_files((*PLANNER, *_SAMPLE), len(planner.scene.units), shape.states, shape.inputs)
 
 
 def core_files(names: tuple[str, ...], units: int, n: int, m: int) -> dict[str, str]:
