@@ -161,8 +161,8 @@ def bench(
     from hdvplan.bench.measuring.directory import begin, damage_told, discard, finish, read_record, read_table, recorded
     from hdvplan.bench.measuring.ranking import broken_limits
     from hdvplan.bench.measuring.run import remaining, run
+    from hdvplan.bench.measuring.samples import OK
     from hdvplan.bench.measuring.timing import LAYOUTS, reasons_of, summary_tables
-    from hdvplan.bench.tables import OK
     from hdvplan.process import ended_by_signals
 
     if files.export_qps is not None:

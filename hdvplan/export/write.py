@@ -25,7 +25,7 @@ from hdvplan.planning.planner import planner_record
 from hdvplan.planning.terms.centring import Centring, CentringPart
 from hdvplan.planning.terms.limits import LimitsPart
 from hdvplan.planning.terms.steering import bounds_of
-from hdvplan.planning.terms.term import CorePart, Part, Scene
+from hdvplan.planning.terms.term import CorePart, Scene
 from hdvplan.qp.program import by_stage
 from hdvplan.record import NAME as RECORD
 from hdvplan.record import record_of
@@ -109,9 +109,8 @@ def _planner(case: Case) -> _Planner:
     return _Planner(start, scene, {_name(part): part for part in parts if isinstance(part, CorePart)})
 
 
-def _name(part: Part) -> str:
+def _name(part: CorePart) -> str:
     """Return what the C files call a term."""
-    assert isinstance(part, CorePart)  # noqa: S101 - for the type checker: centring and what every program has are
     name: str = part.functions.linearise.__name__
     return name.removeprefix("hdv_linearise_")
 

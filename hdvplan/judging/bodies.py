@@ -34,6 +34,11 @@ def corners(drive: Drive, numbers: IntArray, *, axles_only: bool = False) -> Flo
     return corners_at(drive.vehicle, placed(drive, numbers), axles_only=axles_only)
 
 
+def outlines_of(drive: Drive) -> NDArray[np.object_]:
+    """Return the outlines of all bodies at all simulated poses as polygons; number i is body ``i % units`` at pose ``i // units``."""
+    return np.asarray(shapely.polygons(corners(drive, np.arange(len(drive.poses_s))).reshape(-1, 4, 2)))
+
+
 def swept_pieces(outlines: FloatArray) -> NDArray[np.object_]:
     """Return areas that together are what bodies sweep [m]: their outlines (poses, ..., 4, 2), and what edges sweep to the next pose."""
     ends = np.roll(outlines, -1, axis=-2)

@@ -16,7 +16,7 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, IntArray, Records
 from hdvplan.driving.drive import Drive, simulate
 from hdvplan.errors import RoadError
-from hdvplan.judging.bodies import corners, judged_to, part_named, placed
+from hdvplan.judging.bodies import judged_to, outlines_of, part_named, placed
 from hdvplan.road.limits import WIDEST_M
 from hdvplan.road.passages import furthest, normals
 from hdvplan.road.path import ReferencePath, project_many
@@ -199,9 +199,8 @@ def rooms_beside(drive: Drive, s: FloatArray) -> FloatArray:
 
 def _places(drive: Drive, parts: Shapes, wholes: Shapes) -> NDArray[np.void]:
     """Return where bodies come nearest to ``parts`` of obstacles ``wholes``, or are deepest in them."""
-    outlines = corners(drive, np.arange(len(drive.poses_s)))
-    bodies = np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2)))
-    leaving = np.repeat(drive.poses_s > judged_to(drive), outlines.shape[1])
+    bodies = outlines_of(drive)
+    leaving = np.repeat(drive.poses_s > judged_to(drive), len(drive.vehicle.units))
     bodies[leaving] = shapely.intersection(bodies[leaving], _before_end(drive))
     tree = shapely.STRtree(bodies)
     within, entered = _entered(drive, parts, wholes, bodies, tree)
@@ -211,10 +210,9 @@ def _places(drive: Drive, parts: Shapes, wholes: Shapes) -> NDArray[np.void]:
 
 def _closely(drive: Drive, polygons: Shapes) -> Drive:
     """Return a drive with more poses between those at which a body is close to one of the polygons."""
-    outlines = corners(drive, np.arange(len(drive.poses_s)))
-    tree = shapely.STRtree(np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2))))
+    tree = shapely.STRtree(outlines_of(drive))
     close = np.zeros(len(drive.poses_s), bool)
-    close[tree.query(polygons, predicate="dwithin", distance=_CLOSE_M)[1] // outlines.shape[1]] = True
+    close[tree.query(polygons, predicate="dwithin", distance=_CLOSE_M)[1] // len(drive.vehicle.units)] = True
     spacing, wheels = float(drive.poses_s[1] - drive.poses_s[0]), drive.poses_z[:, drive.vehicle.rigid_states :]
     count, units, path = int(np.ceil(spacing / _APART_M)), drive.vehicle.table(), drive.stations.path
     s, z = [drive.poses_s], [drive.poses_z]

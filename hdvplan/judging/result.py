@@ -15,7 +15,7 @@ from hdvplan.case import Case
 from hdvplan.centring.stationary import Centring, CentringTable
 from hdvplan.driving.drive import Drive
 from hdvplan.judging.balance import KEPT_M, Balance, Gaps, balance_of, gaps_of
-from hdvplan.judging.bodies import corners, swept_pieces, united
+from hdvplan.judging.bodies import corners, outlines_of, swept_pieces, united
 from hdvplan.judging.clearance import Approach, rooms_beside, touches_of
 from hdvplan.judging.envelope import Envelope
 from hdvplan.judging.fit import Fit, fit_of
@@ -190,8 +190,7 @@ class Result:
     @cached_property
     def outlines(self) -> shapely.STRtree:
         """The outlines of all bodies at all simulated poses; index i is body ``i % units`` at pose ``i // units``."""
-        outlines = corners(self.drive, np.arange(len(self.drive.poses_s)))
-        return shapely.STRtree(np.asarray(shapely.polygons(outlines.reshape(-1, 4, 2))))
+        return shapely.STRtree(outlines_of(self.drive))
 
     @cached_property
     def swept(self) -> tuple[BaseGeometry, ...]:

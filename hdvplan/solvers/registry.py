@@ -155,13 +155,6 @@ def known_version(name: str) -> str | None:
         return None
 
 
-def home_of(name: str) -> str | None:
-    """Return the module of ours that runs the solver called ``name``; None for a name that means nothing here, or another's own module."""
-    if name in NATIVE:
-        return NATIVE[name].home.partition(":")[0]
-    return "hdvplan.solvers.generic" if name in _ours() else None
-
-
 def settings_of(name: str) -> str:
     """Return version and settings of the solver called ``name`` for the foot of a table: what a reader needs to run it alike."""
     row, used = _row(name), tolerance_of(name)
@@ -245,6 +238,5 @@ def dependable(solver: str | SolverClass) -> WorkspaceMaker:
 
     """
     maker = solver_named(solver)
-    ours = isinstance(maker.solver, str) and home_of(maker.solver) is not None
     alike = isinstance(maker.solver, str) and maker.solver.startswith(DEFAULT)
-    return backed(maker, SolverMaker("piqp" if alike else DEFAULT), limit_s=None if ours else LIMIT_S)
+    return backed(maker, SolverMaker("piqp" if alike else DEFAULT), limit_s=None if maker.is_ours else LIMIT_S)

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from hdvplan.bench.comparing.processes import Scratch, scratch_folder
-from hdvplan.bench.measuring.samples import NUMBERS, Judgement, Measurement
+from hdvplan.bench.measuring.samples import NUMBERS, OK, Judgement, Measurement
 from hdvplan.bench.suite import Suite
-from hdvplan.bench.tables import OK
 from hdvplan.cli.app import run
 from hdvplan.machine import use_one_thread
 from tests.cli.conftest import Cli, cli

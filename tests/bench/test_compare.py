@@ -18,10 +18,9 @@ from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.reports import junit_xml
 from hdvplan.bench.comparing.sides import Side, read_side, times_of
 from hdvplan.bench.comparing.words import verdict_line
-from hdvplan.bench.measuring.samples import Measurement
+from hdvplan.bench.measuring.samples import CRASHED, FAILED, OVER_BUDGET, Measurement
 from hdvplan.bench.measuring.stats import envelope_table, samples_of, timing_table
 from hdvplan.bench.suite import Cell
-from hdvplan.bench.tables import CRASHED, FAILED, OVER_BUDGET
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import Scheme
 from tests.bench.conftest import TINY, Cli, made_up

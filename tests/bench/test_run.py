@@ -12,10 +12,9 @@ import pytest
 from hdvplan.bench.measuring.courses import cases_of
 from hdvplan.bench.measuring.measure import measure
 from hdvplan.bench.measuring.run import remaining, run
-from hdvplan.bench.measuring.samples import NUMBERS, Measurement, part_file, read_part, write_part
+from hdvplan.bench.measuring.samples import FAILED, NUMBERS, OK, OVER_BUDGET, Measurement, part_file, read_part, read_plain, write_part
 from hdvplan.bench.measuring.stats import tables_of
 from hdvplan.bench.suite import Suite
-from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, read_plain
 from hdvplan.case import Case
 from hdvplan.driving.drive import simulate
 from hdvplan.errors import OptionError
@@ -147,7 +146,7 @@ def test_every_kind_of_objective_is_timed_and_its_own_columns_and_rows_are_count
 
 
 def test_a_table_that_unpacks_to_more_than_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hdvplan.bench.tables._LARGEST", 1_000_000)
+    monkeypatch.setattr("hdvplan.bench.measuring.samples._LARGEST", 1_000_000)
     (tmp_path / "samples.csv.gz").write_bytes(gzip.compress(b"a\n" + b"0\n" * 600_000))
     with pytest.raises(ValueError, match="unpacks to more than 1 MB"):
         read_plain(tmp_path / "samples.csv.gz")

@@ -8,11 +8,10 @@ import pandas as pd
 import pytest
 
 from hdvplan.bench.measuring.ranking import ranked_times
-from hdvplan.bench.measuring.samples import NUMBERS, Measurement
+from hdvplan.bench.measuring.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
 from hdvplan.bench.measuring.stats import SOME_REFUSED, SOME_UNSOLVED, status_of, tables_of
 from hdvplan.bench.measuring.timing import accuracy, captions, summary_tables
 from hdvplan.bench.suite import Cell, Suite
-from hdvplan.bench.tables import FAILED, OVER_BUDGET
 from hdvplan.planning.settings import Scheme
 from tests.bench.conftest import made_up
 

@@ -8,11 +8,10 @@ import pytest
 
 from hdvplan.bench.measuring.pictures import bench_figure, pictured, share_within
 from hdvplan.bench.measuring.ranking import Finding, Load, findings_of, load_of
-from hdvplan.bench.measuring.samples import NUMBERS, Measurement
+from hdvplan.bench.measuring.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
 from hdvplan.bench.measuring.stats import Tables, tables_of
 from hdvplan.bench.measuring.timing import latex, shown
 from hdvplan.bench.suite import Cell
-from hdvplan.bench.tables import FAILED, OVER_BUDGET
 from hdvplan.planning.settings import Scheme
 from hdvplan.report.style import styled
 from tests.bench.conftest import made_up

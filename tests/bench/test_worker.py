@@ -17,12 +17,11 @@ import pytest
 
 from hdvplan.bench.measuring.courses import cases_of
 from hdvplan.bench.measuring.run import Worker, remaining, run
-from hdvplan.bench.measuring.samples import Measurement, part_file, read_part
+from hdvplan.bench.measuring.samples import WRONG, Measurement, part_file, read_part
 from hdvplan.bench.measuring.stats import tables_of
 from hdvplan.bench.measuring.timing import untuned
 from hdvplan.bench.measuring.tuning import tuned
 from hdvplan.bench.suite import Suite, tuning_key
-from hdvplan.bench.tables import WRONG
 from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
 from hdvplan.solvers.registry import SolverMaker, solver_named

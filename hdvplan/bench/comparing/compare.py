@@ -27,8 +27,8 @@ from hdvplan.bench.comparing.sides import (
     cold_name,
     own_changes,
 )
+from hdvplan.bench.measuring.samples import OK
 from hdvplan.bench.suite import KEY, cell_words
-from hdvplan.bench.tables import OK
 from hdvplan.errors import OptionError
 
 _BUSY = 0.8  # of the time of steps that is processor time, unless they wait

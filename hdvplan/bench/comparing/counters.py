@@ -12,8 +12,8 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from hdvplan.bench import ENVELOPE_M
+from hdvplan.bench.measuring.samples import LOST, OK, OVER_BUDGET
 from hdvplan.bench.suite import KEY
-from hdvplan.bench.tables import LOST, OK, OVER_BUDGET
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, write_atomically
 

@@ -15,8 +15,8 @@ import pandas as pd
 from hdvplan.arrays import FloatArray
 from hdvplan.bench.comparing.counters import Change, counters_of
 from hdvplan.bench.comparing.work import ABOUT, LONGEST_S, SHORTEST_S, STEPS, OwnSteps, steps_of
+from hdvplan.bench.measuring.samples import LOST, OK, read_plain
 from hdvplan.bench.suite import AS_SET, KEY
-from hdvplan.bench.tables import LOST, OK, read_plain
 from hdvplan.errors import OptionError
 from hdvplan.fileio import read_json
 from hdvplan.machine import machine_words

@@ -15,6 +15,7 @@ from hdvplan.bench.comparing.counters import IN_STEPS, Change
 from hdvplan.bench.comparing.decision import FEWEST, FEWEST_PAIRS, GateVerdict, Rule
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.report.grid import grid, markdown_table
+from hdvplan.texts import counted
 
 ALL_CELLS = "all cells"  # what a statistic is of
 _WRONG = ("cell", "what", "base", "new", "new/base")
@@ -93,13 +94,13 @@ def _changed_parts(changes: Sequence[Change]) -> list[str]:
     gone = {change.cell for change in changes if change.is_missing}
     lost = len({change.cell for change in changes if change.is_lost} - gone)
     why = next((f" ({change.why})" for change in changes if change.why), "")
-    parts = [f"no right plan in {lost} cell{_s(lost)} where there was one{why}"] if lost else []
-    parts += [f"{len(gone)} cell{_s(len(gone))} of the base {'was' if len(gone) == 1 else 'were'} not measured"] if gone else []
+    parts = [f"no right plan in {counted(lost, 'cell')} where there was one{why}"] if lost else []
+    parts += [f"{counted(len(gone), 'cell')} of the base {'was' if len(gone) == 1 else 'were'} not measured"] if gone else []
     if work := [change for change in changes if change.counter == "steps"]:
         first = work[0]
         parts.append(f"other work: {cell_words(first.cell)} takes {first.new} steps, not {first.base}{_and_more(work)}")
     others = len({change.cell for change in changes if change.counter != "cell"} - {change.cell for change in work})
-    parts += [f"counters changed in {others} cell{_s(others)}"] if others else []
+    parts += [f"counters changed in {counted(others, 'cell')}"] if others else []
     if added := [change for change in changes if change.is_new]:
         parts.append(f"new, with nothing to compare: {cell_words(added[0].cell)}{_and_more(added)}")
     return parts
@@ -246,7 +247,3 @@ def _markdown(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def _plain(text: str) -> str:
     """Return text that Markdown shows as it stands."""
     return "".join(f"\\{sign}" if sign in "*_`<>[]\\" else sign for sign in text)
-
-
-def _s(count: int) -> str:
-    return "" if count == 1 else "s"

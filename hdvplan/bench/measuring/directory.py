@@ -15,11 +15,10 @@ import pandas as pd
 
 from hdvplan.bench import PICTURE
 from hdvplan.bench.measuring.ranking import broken_limits, findings_of, load_of
-from hdvplan.bench.measuring.samples import part_file, read_part
+from hdvplan.bench.measuring.samples import part_file, read_part, read_plain
 from hdvplan.bench.measuring.stats import tables_of
 from hdvplan.bench.measuring.timing import LAYOUTS, captions, foot_of, latex, markdown, settings_words, untuned
 from hdvplan.bench.suite import Suite
-from hdvplan.bench.tables import read_plain
 from hdvplan.case import Case
 from hdvplan.errors import OptionError
 from hdvplan.fileio import csv_bytes, json_bytes, read_json, write_atomically

@@ -9,16 +9,27 @@ from time import perf_counter
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.measuring.recording import Program, nonzeros_of, replay, sampled
+from hdvplan.bench.measuring.recording import Program, driven_by, nonzeros_of, replay, sampled
 from hdvplan.bench.measuring.referee import ReferenceCheck, Watch, copied_steps, given_away, memory_fault
-from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Judgement, Measurement, ended, numbers_of, outcome_of
+from hdvplan.bench.measuring.samples import (
+    DISTANCES,
+    FAILED,
+    NUMBERS,
+    OK,
+    OVER_BUDGET,
+    UNFAIR,
+    UNRECORDED,
+    Judgement,
+    Measurement,
+    ended,
+    numbers_of,
+    outcome_of,
+)
 from hdvplan.bench.suite import Suite, tuning_key
-from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR, UNRECORDED
 from hdvplan.case import Case
-from hdvplan.driving.drive import Drive, drive
+from hdvplan.driving.drive import Drive
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.balance import balance_of
-from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
 from hdvplan.qp.program import StageShape
 from hdvplan.qp.workspace import QpWorkspace, WorkspaceMaker
@@ -111,7 +122,7 @@ def measure(case: Case, make_workspace: WorkspaceMaker, *, budget: float, judged
     watch = Watch()
     mark, gave = perf_counter(), given_away()
     try:
-        driven = drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=keep)
+        driven = driven_by(make, case, keep)
         gc.enable()
         judgement = judge(driven) if judged else None
     except _OverBudgetError:
@@ -151,7 +162,7 @@ def checked_drive(case: Case, check: ReferenceCheck, count: int, alive: Alive) -
             raise _OverBudgetError
 
     try:
-        drive(case.road, case.vehicle, objective_named(case.objective), check, case.settings, bias=case.bias, on_plan=keep)
+        driven_by(check, case, keep)
     except _OverBudgetError:
         pass
     except Exception as error:  # noqa: BLE001 - a solver may raise anything

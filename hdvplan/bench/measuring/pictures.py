@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from hdvplan.arrays import BoolArray, FloatArray, runs_of
 from hdvplan.bench.measuring.directory import read_record, read_table
 from hdvplan.bench.measuring.ranking import ranked_times, unit_of
+from hdvplan.bench.measuring.samples import OVER_BUDGET
 from hdvplan.bench.suite import COURSE, KEY
-from hdvplan.bench.tables import OVER_BUDGET
 from hdvplan.fileio import write_atomically
 from hdvplan.report import FAINT, MUTED
 from hdvplan.report.style import figure_bytes, plain_decades, styled

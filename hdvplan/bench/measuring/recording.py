@@ -11,10 +11,9 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.bench.measuring.referee import Asked, Watch, copied_steps, given_away, memory_fault, proves, scale_of
-from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, Measurement, ended, outcome_of
-from hdvplan.bench.tables import OK, OVER_BUDGET, UNFAIR
+from hdvplan.bench.measuring.samples import DISTANCES, NUMBERS, OK, OVER_BUDGET, UNFAIR, Measurement, ended, outcome_of
 from hdvplan.case import Case
-from hdvplan.driving.drive import drive
+from hdvplan.driving.drive import Drive, drive
 from hdvplan.errors import HdvplanError
 from hdvplan.planning.objectives import objective_named
 from hdvplan.planning.planner import Plan
@@ -77,7 +76,7 @@ def record(case: Case, most: int | None = None) -> Recording:
     recorder = _Recorder(solver_named(case.solver), wanted, limited=case.road.street is not None)
     ended = None
     try:
-        _drive(case, recorder, note)
+        driven_by(recorder, case, note)
     except _EnoughError:
         pass
     except HdvplanError as error:
@@ -161,7 +160,7 @@ def sampled(case: Case, reference: WorkspaceMaker, count: int) -> list[Program]:
 
     """
     binding: list[bool] = []
-    _drive(case, reference, lambda plan: binding.append(plan.merit is not None))
+    driven_by(reference, case, lambda plan: binding.append(plan.merit is not None))
     wanted = set(chosen_steps(np.array(binding[1:]), count).tolist())
     recorder = _Recorder(reference, lambda step, number: step in wanted and number == 0, limited=case.road.street is not None, helps=True)
     kept: list[Program] = []
@@ -171,7 +170,7 @@ def sampled(case: Case, reference: WorkspaceMaker, count: int) -> list[Program]:
             kept.append(_program(recorder.found.pop(), plan.first * case.settings.step, binding=plan.merit is not None))
         recorder.next(plan.first + case.settings.executed)
 
-    _drive(case, recorder, keep)
+    driven_by(recorder, case, keep)
     return [kept[place] for place in np.random.default_rng(0).permutation(len(kept))]
 
 
@@ -261,5 +260,6 @@ def _timed(workspace: QpWorkspace, qp: StageQp, guess: StageSolution | None) -> 
     return result, took.clock - result.time_aside, took.cpu - result.cpu_aside
 
 
-def _drive(case: Case, make: WorkspaceMaker, on_plan: Callable[[Plan], None]) -> None:
-    drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=on_plan)
+def driven_by(make: WorkspaceMaker, case: Case, on_plan: Callable[[Plan], None]) -> Drive:
+    """Return the drive of a case by the solver of ``make``; see ``drive``."""
+    return drive(case.road, case.vehicle, objective_named(case.objective), make, case.settings, bias=case.bias, on_plan=on_plan)

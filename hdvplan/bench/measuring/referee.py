@@ -165,24 +165,32 @@ def proves(judged: Residuals, scale: float) -> bool:
 
 
 class ReferenceCheck:
-    """The reference's solution of every program of a drive: it makes workspaces that have the reference solve what they solve.
+    """The reference's solution of every program of a drive: a workspace that has the reference solve what it solves, and its maker.
 
     The reference starts from nothing, so that it cannot follow a solver astray. Such a drive is not timed.
     """
 
     def __init__(self, make: WorkspaceMaker, reference: WorkspaceMaker, copied: set[int]) -> None:
-        self._make, self._reference, self._copied = make, reference, copied
+        self._make, self._make_reference, self._copied = make, reference, copied
         self._step = 0
         self.asked: dict[int, list[Asked]] = {}
         self._found: list[tuple[float, float, float]] = []
+        self._own: QpWorkspace
+        self._reference: QpWorkspace
 
     def __call__(self, shape: StageShape) -> QpWorkspace:
-        """Make a workspace."""
-        return _CheckedWorkspace(self._make(shape), self._reference(shape), self._found, self._keep)
+        """Return itself, around workspaces for ``shape``; a drive that first comes along a way is checked there too."""
+        self._own, self._reference = self._make(shape), self._make_reference(shape)
+        self.name, self.starts_warm = self._own.name, self._own.starts_warm
+        return self
 
-    def _keep(self, qp: StageQp, guess: StageSolution | None) -> None:
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Solve ``qp``, and compare the solution with the reference's; see ``QpWorkspace``."""
         if self._step in self._copied:
             self.asked.setdefault(self._step, []).append(Asked(qp.copy(), None if guess is None else guess.copy()))
+        result = self._own.solve(qp, guess)
+        self._found.append(distance_to(qp, result.point, self._reference))
+        return result
 
     def take(self) -> tuple[float, float, float]:
         """Return of the programs since the last call: largest distance of e_y [m] and of u, and the last one's scale; NaN where unknown."""
@@ -204,23 +212,3 @@ def distance_to(qp: StageQp, point: StageSolution, reference: QpWorkspace) -> tu
         float(np.max(np.abs(point.u - result.point.u))),
         scale,
     )
-
-
-class _CheckedWorkspace:
-    """A workspace whose every solution is compared with the reference's."""
-
-    def __init__(
-        self,
-        inner: QpWorkspace,
-        reference: QpWorkspace,
-        found: list[tuple[float, float, float]],
-        keep: Callable[[StageQp, StageSolution | None], None],
-    ) -> None:
-        self._inner, self._reference, self._found, self._keep = inner, reference, found, keep
-        self.name, self.starts_warm = inner.name, inner.starts_warm
-
-    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
-        self._keep(qp, guess)
-        result = self._inner.solve(qp, guess)
-        self._found.append(distance_to(qp, result.point, self._reference))
-        return result

@@ -16,9 +16,8 @@ import numpy as np
 
 from hdvplan.bench import turns
 from hdvplan.bench.measuring.measure import Alive, Bench, maker_name
-from hdvplan.bench.measuring.samples import Measurement, ended, part_file, write_part
+from hdvplan.bench.measuring.samples import CRASHED, HUNG, OUT_OF_MEMORY, OVER_BUDGET, Measurement, ended, part_file, write_part
 from hdvplan.bench.suite import Suite, visits
-from hdvplan.bench.tables import CRASHED, HUNG, OUT_OF_MEMORY, OVER_BUDGET
 from hdvplan.case import Case
 from hdvplan.plugins import name_of
 from hdvplan.process import serve_parent

@@ -1,7 +1,8 @@
-"""One drive's measurement: what is kept of it, and how it is kept on disk until the whole benchmark is done."""
+"""One drive's measurement: how it ended, what is kept of it, on disk until the whole benchmark is done, and then in tables."""
 
 from __future__ import annotations
 
+import gzip
 import json
 import zlib
 from dataclasses import dataclass, field, fields
@@ -15,12 +16,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.tables import FAILED, OUT_OF_MEMORY
 from hdvplan.errors import HdvplanError, OptionError
-from hdvplan.fileio import json_bytes, write_atomically
+from hdvplan.fileio import json_bytes, refuse_endless, write_atomically
 
 if TYPE_CHECKING:  # tables of times can be read where nothing can be planned
     from hdvplan.planning.planner import Plan
+
+OK, FAILED, OVER_BUDGET = "ok", "failed", "over budget"
+UNRECORDED = "nothing recorded"  # of a sample: the reference cannot drive the course, whatever the solver
+UNFAIR = "unfair"  # right or not: it waits, changes clocks or remembers answers
+CRASHED, HUNG, OUT_OF_MEMORY = "crashed", "out of time", "out of memory"
+WRONG, WRONG_PATH = "wrong optimum", "wrong path"
+LOST = frozenset({FAILED, CRASHED, HUNG, OUT_OF_MEMORY, WRONG, WRONG_PATH})  # no plan that is right, which is no matter of a budget
+_LARGEST = 1_000_000_000  # bytes of an unpacked table: ten million planning steps
 
 NUMBERS = (
     "linearise_s", "update_s", "solve_s", "check_s", "total_s", "qp_count", "iterations", "usable",
@@ -142,3 +150,24 @@ def _read_part(path: Path) -> Measurement:
         judged = Judgement(**{one.name: arrays[one.name][()] for one in fields(Judgement)}) if "e_y" in arrays else None
         words["statuses"] = tuple(words["statuses"])
         return Measurement(steps=arrays["steps"], judgement=judged, distances=arrays["distances"], **{name: words[name] for name in _WORDS})
+
+
+def read_plain(path: Path) -> pd.DataFrame:
+    """Return a table that was written as CSV, packed by gzip or not.
+
+    Raises:
+        OSError: it cannot be read, or is too large.
+        EOFError: it is cut off.
+        ValueError: it is no table, or unpacks to too much.
+        zlib.error: it is damaged.
+
+    """
+    refuse_endless(path)
+    if path.suffix != ".gz":
+        return pd.read_csv(path)
+    with gzip.open(path) as file:
+        content = file.read(_LARGEST + 1)  # a megabyte can be a gigabyte of nothing
+    if len(content) > _LARGEST:
+        msg = f"it unpacks to more than {_LARGEST / 1e6:.0f} MB"
+        raise ValueError(msg)
+    return pd.read_csv(BytesIO(content))

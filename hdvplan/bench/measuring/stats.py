@@ -16,9 +16,8 @@ import pandas as pd
 from hdvplan.arrays import BoolArray
 from hdvplan.bench.measuring.ranking import of_group, ranked_times, ranking, shifted_mean
 from hdvplan.bench.measuring.referee import TUNED, WRONG_M, accepted, remembers
-from hdvplan.bench.measuring.samples import Judgement, Measurement
+from hdvplan.bench.measuring.samples import FAILED, OK, OVER_BUDGET, UNFAIR, WRONG, WRONG_PATH, Judgement, Measurement
 from hdvplan.bench.suite import COURSE, GROUP, KEY, Cell, key_of
-from hdvplan.bench.tables import FAILED, OK, OVER_BUDGET, UNFAIR, WRONG, WRONG_PATH
 from hdvplan.qp.workspace import Status
 
 SOME_UNSOLVED, SOME_REFUSED = "some steps not solved", "some steps not accepted"

@@ -10,9 +10,9 @@ from rich.text import Text
 
 from hdvplan.bench.measuring.ranking import Finding, Load, group_words, how_ranked, unit_of
 from hdvplan.bench.measuring.referee import DUAL, PRIMAL_M
+from hdvplan.bench.measuring.samples import OK, WRONG, WRONG_PATH
 from hdvplan.bench.measuring.stats import SOME_REFUSED, SOME_UNSOLVED, Tables, reference_solver
 from hdvplan.bench.suite import AS_SET, CLASSES, GROUP, Suite, cell_words, tuning_key
-from hdvplan.bench.tables import OK, WRONG, WRONG_PATH
 from hdvplan.report.grid import grid, markdown_table
 from hdvplan.solvers.registry import settings_of, tolerance_of
 

@@ -14,9 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from hdvplan.bench.measuring.run import Workers
-from hdvplan.bench.measuring.samples import DISTANCES, Measurement
+from hdvplan.bench.measuring.samples import CRASHED, DISTANCES, HUNG, OK, OUT_OF_MEMORY, OVER_BUDGET, UNRECORDED, Measurement
 from hdvplan.bench.suite import AS_SET, Suite, tuning_key
-from hdvplan.bench.tables import CRASHED, HUNG, OK, OUT_OF_MEMORY, OVER_BUDGET, UNRECORDED
 from hdvplan.case import Case
 from hdvplan.errors import SolverError
 from hdvplan.qp.workspace import WorkspaceMaker
