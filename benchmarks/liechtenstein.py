@@ -11,7 +11,6 @@ itself, with a proof if there is one); ``ranking.csv`` as the study has it; ``ma
 
 from __future__ import annotations
 
-import argparse
 import json
 import shutil
 import sys
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import shapely
+from cases import options_of, write_table
 from matplotlib.artist import Artist
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -43,36 +43,34 @@ from hdvplan.vehicle.load import load_vehicle
 
 _WORST = 10  # places of each width
 _WORDS = ("line", "lines", "name", "vehicle", "vehicles", "road", "street", "side", "place")  # columns of text
+_NOTICE = "© OpenStreetMap contributors, Open Database License (ODbL) 1.0."
 _CAPTIONS = {
     "shares": (
         "What each bus can drive",
         (
             "half_width_m: the lane that the bus has to either side of the line. It can drive so many routes, roads and kilometres, "
-            "of how many; places_too_narrow keep it out, and roads_too_tight cannot be planned, because they bend too tightly. © "
-            "OpenStreetMap contributors, Open Database License (ODbL) 1.0."
+            "of how many; places_too_narrow keep it out, and roads_too_tight cannot be planned, because they bend too tightly."
         ),
     ),
     "lines": (
         "The least lane for each line",
         (
             "The least half width [m] of the study with which a bus fits on all roads of a route; -: with none. whole: the map has "
-            "the route without a gap. © OpenStreetMap contributors, Open Database License (ODbL) 1.0."
+            "the route without a gap."
         ),
     ),
     "worst": (
         "The places that lack most room",
         (
             "The ten worst of each half width. widening_m: the most that a bus lacks there; -: it cannot be planned further. way: "
-            "number in OpenStreetMap; vehicles, courses: which buses it keeps out, and how many combinations of bus and road. © "
-            "OpenStreetMap contributors, Open Database License (ODbL) 1.0."
+            "number in OpenStreetMap; vehicles, courses: which buses it keeps out, and how many combinations of bus and road."
         ),
     ),
     "checked": (
         "Cells planned again",
         (
             "The worst cell of each bus, no road twice, planned separately: room to spare at s (negative: lacking), the same in the "
-            "study, and the stretch over which it is proved that nothing can be driven. © OpenStreetMap contributors, Open Database "
-            "License (ODbL) 1.0."
+            "study, and the stretch over which it is proved that nothing can be driven."
         ),
     ),
 }  # title, and what the columns are
@@ -84,10 +82,9 @@ _LINE_PT, _DOT_PT2, _PANEL_IN = 1.6, 8.0, (1.9, 4.6)
 
 def main() -> None:
     """Make the tables and the picture."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options_of(__doc__, "liechtenstein")
     parser.add_argument("--study", type=Path, default=Path("benchmarks/studies/liechtenstein.out"))
     parser.add_argument("--roads", type=Path, default=Path("benchmarks/studies/liechtenstein.bus"))
-    parser.add_argument("--out", type=Path, default=Path("results/liechtenstein"))
     parser.add_argument("--again", metavar="ROAD,VEHICLE,HALF_WIDTH", help="plan this cell again, and write its row of checked.csv alone")
     asked = parser.parse_args()
     if asked.again:
@@ -101,11 +98,11 @@ def main() -> None:
     tables = {"shares": shares(cells, routes), "lines": lines(least, routes), "worst": worst(ranking, asked.roads)}
     tables["checked"] = checked(cells, asked.roads)
     for name, table in tables.items():
-        table.to_csv(asked.out / f"{name}.csv", index=False, float_format="%.6g", lineterminator="\n")
+        write_table(asked.out / f"{name}.csv", table, "%.6g")
         shown = table.map(lambda value: f"{value:g}" if isinstance(value, float) else value).fillna("-").replace("nan", "-")
         text = markdown_table(shown, text=[column for column in table if column in _WORDS])
         title, about = _CAPTIONS[name]
-        (asked.out / f"{name}.md").write_text(f"# {title}\n\n{about}\n\n{text}\n", encoding="utf-8")
+        (asked.out / f"{name}.md").write_text(f"# {title}\n\n{about} {_NOTICE}\n\n{text}\n", encoding="utf-8")
     shutil.copyfile(asked.study / RANKING, asked.out / RANKING)
     (asked.out / "map.png").write_bytes(figure_bytes(figure(cells, least, ranking), "png"))
     told = json.loads((asked.study / RECORD).read_text(encoding="utf-8"))

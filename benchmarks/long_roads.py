@@ -28,7 +28,6 @@ from hdvplan.pieces import pieces_of, planned
 from hdvplan.record import write_record
 from hdvplan.report.files import write_plan
 from hdvplan.report.joined import write_pieces
-from hdvplan.road.line import Line
 from hdvplan.road.load import find_road, load_road
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
@@ -103,7 +102,9 @@ def rows_of(km: float, vehicle: str, half_width: float, *, whole: bool) -> list[
 
 def long_line(length: float) -> FloatArray:
     """Return the line of ``ROAD``, end to end again and again, cut at a length [m]."""
-    points, at, heading, parts = line_of(ROAD).raw.points, np.zeros(2), 0.0, []
+    line = find_road(ROAD).line
+    assert line is not None  # noqa: S101 - for the type checker: the road is no scenario
+    points, at, heading, parts = line.raw.points, np.zeros(2), 0.0, []
     first, last = (float(np.arctan2(*step[::-1])) for step in (points[1] - points[0], points[-1] - points[-2]))
     lap = float(np.sum(np.hypot(*np.diff(points, axis=0).T))) + _LINK_M
     for _ in range(int(np.ceil(length / lap))):
@@ -112,18 +113,9 @@ def long_line(length: float) -> FloatArray:
         parts.append(turned)
         heading = last + turn
         at = turned[-1] + _LINK_M * np.array([np.cos(heading), np.sin(heading)])
-    line = np.concatenate(parts)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    return line[along <= length]
-
-
-def line_of(road: str | Path) -> Line:
-    """Return the line of a road file, or of a shipped road."""
-    found = find_road(road).line
-    if found is None:
-        msg = f"{road} is a scenario, not a line"
-        raise ValueError(msg)
-    return found
+    laps = np.concatenate(parts)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(laps, axis=0).T))])
+    return laps[along <= length]
 
 
 def measured(line: Path, vehicle: str, half_width: float, out: Path, *, undivided: bool) -> dict[str, object]:

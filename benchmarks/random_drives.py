@@ -82,18 +82,15 @@ def random_drive(vehicle: Vehicle, seed: int, *, sudden: bool = False) -> FloatA
 def bodies(vehicle: Vehicle, poses: FloatArray, less: float = 0.0) -> list[NDArray[np.object_]]:
     """Return the rectangles of every unit at its poses, smaller by ``less`` on every side [m]."""
     found = []
-    for unit, (x, y, heading) in zip(vehicle.units, np.moveaxis(poses, (1, 2), (0, 1)), strict=True):
+    for unit, pose in zip(vehicle.units, np.moveaxis(poses, (1, 2), (0, 1)), strict=True):
         front, rear, half = unit.front - less, less - unit.rear_overhang, 0.5 * unit.width - less
-        corners = [
-            (x + ahead * np.cos(heading) - left * np.sin(heading), y + ahead * np.sin(heading) + left * np.cos(heading))
-            for ahead, left in ((front, half), (rear, half), (rear, -half), (front, -half))
-        ]
-        found.append(np.array(shapely.polygons(np.stack([np.stack(corner, axis=1) for corner in corners], axis=1))))
+        corners = [corner_of(pose, *place).T for place in ((front, half), (rear, half), (rear, -half), (front, -half))]
+        found.append(np.array(shapely.polygons(np.stack(corners, axis=1))))
     return found
 
 
 def corner_of(pose: FloatArray, ahead: float, left: float) -> FloatArray:
-    """Return the place of a point ahead of a unit's axle and left of its axis [m]."""
+    """Return the place (2, ...) of a point ahead of a unit's axle, at ``pose`` (3, ...), and left of its axis [m]."""
     x, y, heading = pose
     return np.array([x + ahead * np.cos(heading) - left * np.sin(heading), y + ahead * np.sin(heading) + left * np.cos(heading)])
 

@@ -188,28 +188,27 @@ def envelope_table(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]
     drives = dict(zip(cells, rounds, strict=True))
     known = {cell: measured[0].judgement for cell, measured in drives.items()}
     reference = reference_solver([cell.solver for cell in cells])
-    rows = []
     sound = {cell for cell, measured in drives.items() if cell.solver == reference and status_of(measured, accuracy)[0] == OK}
+    rows = []
     for cell, judgement in known.items():
-        row: dict[str, object] = dict(zip(KEY, key_of(cell), strict=True))
-        if judgement is not None:
-            like = known[other] if (other := replace(cell, solver=reference)) in sound else None
-            row |= {
-                "max_left_m": judgement.max_left,
-                "max_right_m": judgement.max_right,
-                "imbalance_m": judgement.max_left - judgement.max_right,
-                "mean_abs_imbalance_m": judgement.mean_abs_imbalance,
-                "expected_half_width_m": judgement.expected_half_width,
-                "min_clearance_m": judgement.min_clearance,
-                "limit_violation_m": judgement.violation,
-                "path_difference_m": np.nan if like is None else float(np.max(np.abs(judgement.e_y - like.e_y))),
-            }
-        rows.append(row)
-    names = (
-        "max_left_m", "max_right_m", "imbalance_m", "mean_abs_imbalance_m", "expected_half_width_m", "min_clearance_m",
-        "limit_violation_m", "path_difference_m",
-    )  # fmt: skip
-    return pd.DataFrame(rows, columns=[*KEY, *names])
+        like = known[other] if (other := replace(cell, solver=reference)) in sound else None
+        rows.append(dict(zip(KEY, key_of(cell), strict=True)) | _swept(judgement, like))
+    return pd.DataFrame(rows)
+
+
+_SWEPT = (
+    "max_left_m", "max_right_m", "imbalance_m", "mean_abs_imbalance_m", "expected_half_width_m", "min_clearance_m",
+    "limit_violation_m", "path_difference_m",
+)  # fmt: skip
+
+
+def _swept(own: Judgement | None, like: Judgement | None) -> dict[str, float]:
+    if own is None:
+        return dict.fromkeys(_SWEPT, np.nan)
+    apart = np.nan if like is None else float(np.max(np.abs(own.e_y - like.e_y)))
+    imbalance = own.max_left - own.max_right
+    swept = own.max_left, own.max_right, imbalance, own.mean_abs_imbalance, own.expected_half_width, own.min_clearance, own.violation
+    return dict(zip(_SWEPT, (*swept, apart), strict=True))
 
 
 def reference_solver(solvers: Sequence[str]) -> str:
