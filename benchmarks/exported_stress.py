@@ -1,6 +1,6 @@
 """A million steps of exported planners: random vehicles, streets and starts; what one step took at most, and that no promise is broken.
 
-Writes steps.csv (a row a vehicle and street), stack.csv, stress.md and run.json. Needs a C compiler (gcc for the stack) and, for the
+Writes steps.csv (a row a vehicle and street), stress.md and run.json. Needs a C compiler (gcc for the stack) and, for the
 instructions and for reads of memory that was never written, valgrind with its headers.
 """
 
@@ -19,15 +19,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from cases import options_of
+from cases import options_of, write_results
 from random_drives import edges_around, random_drive, road_around
 
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.export import Budget
 from hdvplan.export.write import PLANNER, exported
-from hdvplan.fileio import csv_bytes, write_atomically
-from hdvplan.record import write_record
 from hdvplan.report.grid import markdown_table
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
@@ -229,16 +227,13 @@ def main() -> None:
     parser.add_argument("--checked", type=int, default=125, help="steps of each of these on each street, under either")
     parser.add_argument("--jobs", type=int, default=1, help="vehicles at a time")
     given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
     checked = [given.checked * (number < given.looked) for number in range(given.vehicles)]
     found: list[tuple[Case, dict[str, object]]] = []
     with ProcessPoolExecutor(given.jobs) as pool:
         for made in pool.map(rows_of, vehicles(given.vehicles), repeat(given.streets), repeat(given.steps), checked):
             found += made  # it runs for hours: every vehicle is written as it comes
             rows = pd.DataFrame([row for _, row in found])
-            write_atomically(given.out / "steps.csv", csv_bytes(rows))
-            write_atomically(given.out / "stress.md", text(rows).encode())
-            write_record(given.out, [case for case, _ in found])
+            write_results(given.out, {"steps": rows}, {"stress": text(rows)}, [case for case, _ in found], form=None)
     if broken := int(rows["broken"].sum()):
         sys.exit(f"{broken} steps broke a promise; {given.out / 'steps.csv'} has the vehicles and streets")
 
