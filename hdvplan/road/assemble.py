@@ -80,7 +80,7 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
     pieces = [(edge, label, layer) for own, _, label, layer in sides for edge in own]
     before = pieces if legs else seen(pieces, shapely.MultiLineString(placed))
     if len(before) < len(pieces):
-        notes = (*notes, f"{name}: {counted(len(pieces) - len(before), 'edge')} behind others bound nothing")
+        notes = (*notes, f"{name}: {counted(len(pieces) - len(before), 'edge')} behind others left out")
     edges = [(*without_spurs(edge), label) for edge, label, _ in (before if legs else joined(before))]
     if system is None:
         refuse_no_street(placed, None, [edge for edge, _, _ in edges], unit, name)

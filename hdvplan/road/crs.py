@@ -75,8 +75,13 @@ def short_name(name: str) -> str:
     return name if code is None else f"EPSG:{code[1]}"
 
 
-def _known(name: str) -> CRS:
-    """Return any coordinate reference system of a place on earth."""
+def parse_crs(name: str) -> CRS:
+    """Return the coordinate reference system called ``name``, such as ``EPSG:3006``.
+
+    Raises:
+        RoadError: unknown, or neither projected nor geographic.
+
+    """
     from pyproj import CRS  # noqa: PLC0415 - see above
     from pyproj.exceptions import CRSError  # noqa: PLC0415 - see above
 
@@ -91,25 +96,11 @@ def _known(name: str) -> CRS:
     return crs
 
 
-def parse_crs(name: str) -> CRS:
-    """Return the coordinate reference system called ``name``, such as ``EPSG:3006``.
-
-    Raises:
-        RoadError: unknown, Web Mercator, not in metres or degrees, or neither projected nor geographic.
-
-    """
-    crs = _known(name)
-    if not crs.is_projected:
-        return crs
+def _is_metric(crs: CRS) -> bool:
+    """Tell whether planning may take lengths from a system: not in degrees or feet, nor Web Mercator, which is wrong by 50 % and more."""
     operation = crs.coordinate_operation
-    if operation is not None and "Pseudo Mercator" in operation.method_name:
-        msg = f"{name} is Web Mercator, whose lengths are wrong by 50 % and more away from the equator"
-        raise RoadError(msg, hint="give longitude and latitude, or a metric system such as UTM")
-    units = {axis.unit_name for axis in crs.axis_info[:2]}
-    if units != {"metre"}:
-        msg = f"{name} measures in {', '.join(sorted(units))}, not in metres"
-        raise RoadError(msg, hint="convert the road to longitude and latitude or to a metric system first")
-    return crs
+    web = operation is not None and "Pseudo Mercator" in operation.method_name
+    return crs.is_projected and not web and {axis.unit_name for axis in crs.axis_info[:2]} == {"metre"}
 
 
 def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
@@ -122,7 +113,7 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
     from pyproj import Geod  # noqa: PLC0415 - see above
 
     if looks_like_degrees(points) and not is_geographic(name):
-        msg = f"the coordinates look like degrees, but {name} is in metres"
+        msg = f"the coordinates look like degrees, but {name} is not in degrees"
         raise RoadError(msg, hint="--crs is the system of the road's own coordinates: leave it out")
     plane = placed(points, name)
     here = plane.points[len(points) // 2]
@@ -140,18 +131,18 @@ def to_plane(points: FloatArray, name: str = LONLAT) -> Plane:
 
 
 def placed(points: FloatArray, name: str) -> Plane:
-    """Return points of the system ``name`` in a plane: projected ones as they are, geographic ones projected.
+    """Return points of the system ``name`` in a plane: of projected systems in metres as they are, others projected.
 
-    ``points`` has shape (n, 2): easting and northing [m] or longitude and latitude [deg], always in this order. The
-    projection is a transverse Mercator at the middle of the points' extent with scale 1: its lengths are right to
-    1e-6 within 9 km of that meridian.
+    ``points`` has shape (n, 2): easting and northing or longitude and latitude [deg], always in this order. The projection
+    is a transverse Mercator at the middle of the points' extent with scale 1: its lengths are right to 1e-6 within 9 km of
+    that meridian.
 
     Raises:
         RoadError: an unusable system, or points outside the area where it is defined.
 
     """
     name = short_name(name)
-    plane = name if parse_crs(name).is_projected else _local(lonlat_of(name, points))
+    plane = name if _is_metric(parse_crs(name)) else _local(lonlat_of(name, points))
     to_lonlat, into = ToLonLat(plane), IntoPlane(name, plane)
     there = into(points)
     if not np.all(np.isfinite(to_lonlat(there[:, 0], there[:, 1]))):
@@ -177,23 +168,6 @@ def is_geographic(name: str) -> bool:
 
     """
     return not parse_crs(name).is_projected
-
-
-def needs_lonlat(name: str) -> bool:
-    """Tell whether points of a system are fit for planning only after they are brought to longitude and latitude.
-
-    A file may say that it is in Web Mercator or in feet, which ``parse_crs`` refuses: no lengths are taken from such a plane.
-
-    Raises:
-        RoadError: an unknown system, or one of no place on earth.
-
-    """
-    _known(name)
-    try:
-        parse_crs(name)
-    except RoadError:
-        return True
-    return False
 
 
 def lonlat_of(name: str, points: FloatArray) -> FloatArray:
@@ -244,7 +218,7 @@ def _transformed(source: str, target: str, points: FloatArray) -> FloatArray:
 @lru_cache(maxsize=32)
 def _meridian(plane: str) -> float:
     """Return the longitude of a projection's origin [deg]."""
-    operation = _known(plane).coordinate_operation
+    operation = parse_crs(plane).coordinate_operation
     values = {} if operation is None else {parameter.name: float(parameter.value) for parameter in operation.params}
     return next((value for name, value in values.items() if name.startswith("Longitude of")), 0.0)
 

@@ -158,7 +158,7 @@ def _line_in(table: Table, name: str, options: RoadOptions) -> RawRoad:
             raise RoadError(msg, hint="call the columns x, y if they are metres")
         crs = crs or LONLAT
     elif crs is not None and base != "m":
-        msg = f"{called} are not in metres, but {crs} is"
+        msg = f"{called} have a unit of their own, and {crs} has its"
         raise RoadError(msg, hint="call the columns x, y if they are coordinates of this system")
     elif crs is None:
         for key, column in zip(positions, points.T, strict=True):

@@ -6,7 +6,6 @@ import re
 import warnings
 from contextlib import closing, suppress
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 from hdvplan.errors import RoadError
 from hdvplan.road.assemble import road_of
 from hdvplan.road.checks import Unit
-from hdvplan.road.crs import LONLAT, lonlat_of, needs_lonlat
 from hdvplan.road.features import POINTS, Feature
 from hdvplan.road.line import RawRoad
 from hdvplan.road.load_csv import Table, read_table
@@ -180,8 +178,6 @@ def _features(source: _Source, layer: str, system: str | None, driver: str) -> l
     if shapes is None:
         return []
     geometries = _geometries(shapes, source.path.name, layer)
-    if system is not None and needs_lonlat(system):
-        geometries, system = list(shapely.transform(geometries, partial(lonlat_of, system))), LONLAT
     titles = [title.casefold() for title in titles]
     found: list[Feature] = []
     for number, geometry, *values in zip(numbers, geometries, *columns, strict=True):

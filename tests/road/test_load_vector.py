@@ -114,6 +114,9 @@ def test_systems_without_true_metres_are_brought_to_longitude_and_latitude_first
     plain = write(tmp_path / "plain.gpkg", [shapely.LineString(LONLAT + shift)])
     road = load_road(write(tmp_path / "there.gpkg", [there], crs=system))
     assert road.path.length == pytest.approx(load_road(plain).path.length, abs=SAME_M)
+    (tmp_path / "there.csv").write_text("x,y\n" + "\n".join(f"{x!r},{y!r}" for x, y in there.coords))
+    table = load_road(tmp_path / "there.csv", RoadOptions(crs=system))
+    assert table.path.length == pytest.approx(road.path.length, abs=1e-9)  # one way for all files
 
 
 def test_a_drawing_without_a_system_is_in_metres_and_crs_places_it(tmp_path: Path) -> None:
@@ -299,7 +302,7 @@ def test_fences_behind_a_kerb_bound_nothing_and_are_told(tmp_path: Path, beginni
     found = find_road(drawing, RoadOptions(layer="ROAD")).line
     assert found is not None
     assert sorted(float(edge[0, 1]) for edge in found.raw.edges) == [-3.0, 3.0]
-    assert "2 edges behind others bound nothing" in found.raw.notes[0]
+    assert "2 edges behind others left out" in found.raw.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ def test_a_drawing_of_no_street_is_asked_for_its_unit_and_read_with_it(
         ),
         (1.0, RoadOptions(unit="mm"), "with --unit mm the road is 0.2 m long", "are its coordinates as --unit mm says?"),
         (1e3, RoadOptions(unit="m"), "the line is 200 km long", "are its coordinates as --unit m says?"),
-        (1e-5, RoadOptions(crs="EPSG:3006"), "the coordinates look like degrees, but EPSG:3006 is in metres", "leave it out"),
+        (1e-5, RoadOptions(crs="EPSG:3006"), "the coordinates look like degrees, but EPSG:3006 is not in degrees", "leave it out"),
     ],
 )
 def test_a_unit_or_a_system_that_makes_no_road_is_named(tmp_path: Path, metres: float, options: RoadOptions, said: str, hint: str) -> None:
@@ -226,7 +226,7 @@ def test_a_unit_is_refused_where_it_says_nothing(
 
 
 def test_feet_have_no_place_in_a_system_in_metres_and_units_have_names() -> None:
-    with pytest.raises(RoadError, match="columns x_ft, y_ft are not in metres, but EPSG:3006 is"):
+    with pytest.raises(RoadError, match="columns x_ft, y_ft have a unit of their own, and EPSG:3006 has its"):
         read_csv(FEET, "f", RoadOptions(crs="EPSG:3006"))
     with pytest.raises(OptionError, match="unit must be mm, cm, m, ft or in, not 'km'"):
         RoadOptions(unit="km")
@@ -238,7 +238,8 @@ def test_layers_that_are_not_read_are_noted_with_the_role_that_would_read_them(t
     nearer = "'KERB_OLD' lies nearer the line, 3.0 m, than all that is read, 4.0 m"
     note = f'site.dxf: {listed}; {nearer}; --role "KERB_OLD=edge" or =obstacle or =sweepable reads one'
     assert load_road(file, ON_AXIS).notes == (note,)
-    (note,) = load_road(file, RoadOptions(layer="AXIS", roles=("KERB_OLD=edge",))).notes
+    behind, note = load_road(file, RoadOptions(layer="AXIS", roles=("KERB_OLD=edge",))).notes
+    assert behind == "site.dxf: 1 edge behind others left out"
     assert note.startswith("site.dxf: NOT READ: layer 'TREES' (1 entity); --role")
     many = {f"LAYER_{i}": beside(5.0 + i) for i in range(40)}
     (note,) = load_road(drawing(tmp_path / "many.dxf", "m", layers=many), ON_AXIS).notes
