@@ -1,4 +1,4 @@
-"""Road sources: files win over names, shipped roads and scenarios load, options are checked."""
+"""Road sources: files win over names, options are checked; shipped roads, the papers' and made-up ones are what they promise."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ import pytest
 import shapely
 
 from hdvplan.errors import OptionError, RoadError
+from hdvplan.judging.fit import Trouble, fit_of
+from hdvplan.legs import load_legs
 from hdvplan.road.line import is_closed
 from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
-from hdvplan.road.scenarios import shipped
+from hdvplan.road.scenarios import Profile, roundabout, shipped, sturn_profile, turn_profile, uturn, uturn_articulated, uturn_profile
+from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import MOST_CURVATURE
 
 STRAIGHT = "x,y\n0,0\n50,0\n100,0\n"
@@ -153,3 +156,116 @@ def test_a_jump_of_the_width_is_a_step_of_the_kerb_where_the_file_has_it(tmp_pat
             assert line.distance(shapely.Point(x, side * y)) < 1e-6  # of points in a plane of 100 m
         beside = line.intersection(shapely.LineString([(0.0, side * 2.5), (100.0, side * 2.5)]))
         assert 60.0 - 1e-6 <= shapely.get_x(beside) <= 60.01 + 1e-6  # as above
+
+
+def turned(profile: Profile) -> float:
+    s, kappa = map(np.array, profile)
+    return float(np.sum(0.5 * (kappa[1:] + kappa[:-1]) * np.diff(s)))
+
+
+def test_the_bus_uturn_is_the_one_of_the_paper() -> None:
+    s, kappa = uturn_profile()
+    lengths = np.diff(s)
+    assert turned((s, kappa)) == pytest.approx(np.pi, abs=1e-12)
+    assert lengths[2] == pytest.approx(31.5, abs=0.1)  # read off the figure to a decimetre
+    limits = uturn().limits
+    assert limits is not None
+    assert (limits.left[0], limits.right[0]) == (3.0, -3.0)
+
+
+def test_the_articulated_uturn_fills_the_published_horizon() -> None:
+    road = uturn_articulated()
+    assert road.path.length == pytest.approx(134.2, abs=1e-9)
+    assert road.limits is None
+    assert float(road.path.at(65.0).curvature) == pytest.approx(0.065, abs=1e-9)
+
+
+def test_the_roundabout_has_the_published_pieces() -> None:
+    road = roundabout()
+    assert road.path.length == pytest.approx(50 + 5.5 + 135 + 5.5 + 50, abs=1e-9)
+    assert float(road.path.at(120.0).curvature) == pytest.approx(1.0 / 17.88, abs=1e-9)
+    assert road.limits is not None
+    assert road.limits.left[0] == 3.56
+
+
+@pytest.mark.parametrize("curvature", [0.02, 0.1, -0.06])
+@pytest.mark.parametrize("sharpness", [0.002, 0.02])
+def test_an_sturn_ends_in_its_first_direction(curvature: float, sharpness: float) -> None:
+    s, kappa = sturn_profile(curvature, sharpness)
+    assert turned((s, kappa)) == pytest.approx(0.0, abs=1e-12)
+    assert np.max(np.abs(np.diff(kappa) / np.diff(s))) == pytest.approx(sharpness)
+    assert np.max(np.abs(kappa)) == pytest.approx(abs(curvature))
+
+
+def test_pieces_of_no_length_are_left_out() -> None:
+    s, _ = turn_profile(0.05, 10.0, 0.0, lead_in=0.0, lead_out=0.0)
+    np.testing.assert_allclose(s, [0.0, 10.0, 20.0])
+
+
+def test_impossible_profiles_are_refused() -> None:
+    with pytest.raises(OptionError, match="cannot be made of pieces"):
+        uturn_profile(0.060, 60.0)
+    with pytest.raises(OptionError, match="pieces of 50, 0, 10, 0, 50 m"):
+        turn_profile(0.05, 0.0, 10.0)
+    with pytest.raises(OptionError, match="sharpness"):
+        sturn_profile(0.05, 0.0)
+
+
+BUS = load_vehicle("bus")
+LEGS = ("side_street", "three_point_turn")
+
+
+def test_every_example_loads_with_its_regions_and_says_that_it_is_none_of_osm() -> None:
+    assert list(shipped("examples")) == [
+        "kerb_bend", "kerb_bend_wall", "parked_van", "parked_van_tight", "side_street", "street_corner", "three_point_turn",
+    ]  # fmt: skip
+    for name in shipped("examples"):
+        road = load_legs(name).legs[0].road if name in LEGS else load_road(name)
+        assert road.regions
+        assert road.notice is None
+        assert road.to_lonlat is not None
+
+
+@pytest.mark.parametrize(("name", "spare"), [("parked_van", 0.15), ("parked_van_tight", -0.15)])
+def test_the_van_reaches_half_a_metre_over_the_lane_s_centre_and_leaves_the_passage(name: str, spare: float) -> None:
+    limits = load_road(name).passable
+    assert limits is not None
+    left, right, _, _ = limits.table(np.array([80.0]))
+    assert float(right[0]) == pytest.approx(0.5, abs=1e-3)  # nine decimals of a degree are 0.1 mm
+    assert float(left[0] - right[0]) == pytest.approx(BUS.width + spare, abs=1e-3)
+
+
+def test_geometry_tells_the_passages_apart() -> None:
+    assert fit_of(load_road("parked_van"), BUS).fits is True
+    (finding,) = fit_of(load_road("parked_van_tight"), BUS).findings
+    assert finding.trouble is Trouble.WIDTH
+    assert finding.needed - finding.available == pytest.approx(0.15, abs=1e-3)
+    # The van stands from 78 m to 83.5 m; beside it limits change within the 0.1 m between two places of the table.
+    assert finding.s_from == pytest.approx(78.0, abs=0.11)
+    assert finding.s_to == pytest.approx(83.5, abs=0.11)
+
+
+def test_the_bend_fits_only_with_the_overhang_over_the_kerb() -> None:
+    assert fit_of(load_road("kerb_bend"), BUS).fits is True
+    (finding,) = fit_of(load_road("kerb_bend_wall"), BUS).findings
+    assert finding.needed == pytest.approx(5.09, abs=0.01)  # twice the balanced half width of R = 16 m, smoothed to 15.8 m
+    assert finding.available == pytest.approx(4.25, abs=0.01)  # 2.75 m inside and 1.5 m outside
+
+
+def test_the_corner_is_rounded_within_the_stated_deviation_and_houses_stay() -> None:
+    road = load_road("street_corner")
+    assert road.smoothing is not None
+    assert road.smoothing.max_deviation < 5.0
+    assert road.smoothing.max_curvature <= 1.01 * 0.125
+    assert road.passable is not None
+    left, right, left_sweep, _ = road.passable.table(np.array([30.0]))
+    np.testing.assert_allclose([left[0], right[0], left_sweep[0]], [4.0, -3.5, 4.5], atol=0.03)  # drawn; the line moves by 3 cm here
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_the_drives_of_several_legs_are_drawn_so_that_nothing_is_moved(name: str) -> None:
+    legs = load_legs(name)
+    assert [leg.direction for leg in legs.legs] == ["forward", "backward", "forward"]
+    assert legs.notes == ()
+    first, last = legs.legs[0].road.path.at(0.0), legs.legs[-1].road.path.at(legs.legs[-1].road.path.length)
+    assert abs(np.cos(float(last.heading) - float(first.heading)) + 1.0) < 1e-3  # they turn the vehicle round

@@ -1,11 +1,17 @@
-"""CSV roads: every layout by its header, every mistake by its line and column."""
+"""CSV roads: every layout by its header, every mistake by its line and column, encodings, and points impossibly far apart."""
 
 from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hdvplan.errors import RoadError
+from hdvplan.road.checks import pointed_at, refuse_outliers, text_of
+from hdvplan.road.load import load_road
 from hdvplan.road.load_csv import read_csv
 from hdvplan.road.options import RoadOptions
 
@@ -116,3 +122,105 @@ def test_coordinates_that_can_only_be_degrees_are_read_as_such_with_a_note() -> 
     assert raw.notes == ("f: columns X, Y are read as longitude and latitude, for metres they are too close together",)
     told = read_csv("X,Y\n11.97,57.70\n11.971,57.701\n11.972,57.702\n", "f", RoadOptions(crs="EPSG:4326"))
     np.testing.assert_allclose(told.points, raw.points)
+
+
+ROWS = "".join(f"{11.95 + 1e-4 * number:.6f};57,7;Hafenstraße\n".replace(".", ",") for number in range(5))
+
+
+def refused(path: Path, message: str, hint: str) -> None:
+    with pytest.raises(RoadError, match=message) as caught:
+        load_road(path)
+    assert hint in str(caught.value.hint)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["big.csv", "big.geojson", "big.gpkg", "big.xodr"])
+def test_a_file_of_200_mb_is_refused_before_it_is_read(tmp_path: Path, name: str) -> None:
+    with (tmp_path / name).open("wb") as file:
+        file.truncate(200_000_000)  # takes no space
+    refused(tmp_path / name, "has 200 MB", f"road.gpkg {name}")
+
+
+@pytest.mark.parametrize("name", ["road.zip", "road.csv", "road.gpkg", "road.geojson"])
+def test_an_archive_is_refused_with_what_it_holds(tmp_path: Path, name: str) -> None:
+    with zipfile.ZipFile(tmp_path / name, "w") as archive:
+        archive.writestr("street.shp", b"")
+        archive.writestr("street.dbf", b"")
+    refused(tmp_path / name, "is a zip archive", "give the file in it: street.shp, street.dbf")
+
+
+def test_packed_formats_are_refused_when_they_unpack_to_too_much_or_are_damaged(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.kmz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("doc.kml", bytes(70_000_000))
+    refused(tmp_path / "a.kmz", "unpacks to 70 MB", "take out the road")
+    content = (tmp_path / "a.kmz").read_bytes()
+    (tmp_path / "b.kmz").write_bytes(content[: len(content) // 2])
+    refused(tmp_path / "b.kmz", "damaged or cut-off", "fetch the file again")
+
+
+def test_encrypted_files_are_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.kmz", "w") as archive:
+        archive.writestr("doc.kml", b"<kml/>")
+    content = bytearray((tmp_path / "a.kmz").read_bytes())
+    content[content.find(b"PK\x01\x02") + 8] |= 1  # the flag in the directory; Python cannot write encrypted archives
+    (tmp_path / "a.kmz").write_bytes(content)
+    refused(tmp_path / "a.kmz", "is encrypted", "without a password")
+    (tmp_path / "a.xlsx").write_bytes(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600))
+    refused(tmp_path / "a.xlsx", "old or an encrypted Office file", ".xlsx or .csv")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
+def test_texts_are_read_in_the_encodings_of_spreadsheets(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "a.csv").write_bytes(("Längengrad;Breitengrad;Straße\n" + ROWS).encode(encoding))
+    assert text_of(tmp_path / "a.csv").startswith("Längengrad")
+    road = load_road(tmp_path / "a.csv")
+    assert road.path.length == pytest.approx(23.851, abs=1e-3)  # 4e-4 degrees of longitude at 57.7 degrees north on WGS84
+    assert road.notes == ("a.csv: column Straße not read",)
+
+
+DENSE = np.stack([np.arange(0.0, 100.0, 5.0), np.zeros(20)], axis=1)
+
+
+@pytest.mark.parametrize(("row", "first"), [(0, 1), (1, 1), (10, 10), (18, 18), (19, 19)])
+def test_an_outlier_is_refused_with_its_place(row: int, first: int) -> None:
+    points = DENSE.copy()
+    points[row, 1] = 20e3
+    with pytest.raises(RoadError, match=f"f: points {first} and {first + 1} are 20 km apart, 4000 times"):
+        refuse_outliers(points, None, "f")
+
+
+def test_long_straights_between_dense_bends_and_repeated_points_are_no_outliers() -> None:
+    refuse_outliers(np.concatenate([DENSE, DENSE + np.array([3000.0, 0.0])]), None, "f")  # 600 times the steps around
+    refuse_outliers(np.array([[0.0, 0.0], [0.0, 0.0], [50e3, 0.0], [50e3, 0.0]]), None, "f")
+    refuse_outliers(np.array([[0.0, 0.0], [50e3, 0.0]]), None, "f")
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "where"),
+    [("x,y", 1.0, "x 35.0, y 400.0"), ("lon,lat", 1e-5, "0.00400 N, 0.00035 E")],
+)
+def test_a_stray_point_that_lengthens_the_line_is_named(tmp_path: Path, header: str, unit: float, where: str) -> None:
+    """By its arclength alone nobody finds it: the line is not 430 m long without it."""
+    points = unit * np.insert(DENSE, 7, [35.0, 400.0], axis=0)
+    np.savetxt(tmp_path / "a.csv", points, "%.7f", ",", header=header, comments="# measured\n")
+    with pytest.raises(RoadError, match=r"turns back on itself near s = 4\d\d m \(sharpest at line 10 of the file, " + where):
+        load_road(tmp_path / "a.csv")
+    line = {"type": "LineString", "coordinates": (points if unit < 1.0 else 1e-5 * points).tolist()}
+    (tmp_path / "a.geojson").write_text(json.dumps(line), encoding="utf-8")
+    with pytest.raises(RoadError, match=r"\(sharpest at point 8, 0\.00400 N, 0\.00035 E\)"):
+        load_road(tmp_path / "a.geojson")
+
+
+def test_a_refusal_without_a_place_or_far_from_any_turn_names_no_point() -> None:
+    for refusal in (RoadError("no"), RoadError("no", s_m=200.0)):
+        assert pointed_at(refusal, np.array([[0.0, 0.0], [30.0, 0.0], [0.0, 0.1]]), None, None) is refusal
+
+
+def test_the_line_of_the_file_is_named_and_a_latitude_without_its_digits_is_refused(tmp_path: Path) -> None:
+    rows = [f"11.9{number:03d},57.000000" for number in range(10)]
+    (tmp_path / "a.csv").write_text("lon,lat\n# a comment\n" + "\n".join([*rows[:5], "11.905,5.7000", *rows[5:]]), encoding="utf-8")
+    with pytest.raises(RoadError, match=r"a\.csv: lines 7 and 8 are "):
+        load_road(tmp_path / "a.csv")
+    (tmp_path / "b.csv").write_text("lon,lat\n" + "\n".join([*rows, "11.910,57."]), encoding="utf-8")
+    with pytest.raises(RoadError, match=r"b\.csv, line 12, column lat: '57\.' has lost digits"):
+        load_road(tmp_path / "b.csv")
