@@ -1,8 +1,12 @@
+"""Pictures and films: what they show of a result, and their style."""
+
 from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from io import BytesIO
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 import shapely
@@ -12,17 +16,20 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.text import Text
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ignore[import-untyped] # Matplotlib types only its core
+from PIL import Image
 
+from hdvplan.arrays import FloatArray
 from hdvplan.judging.result import Result, result_of
 from hdvplan.judging.verdict import verdict_of, verdict_title
 from hdvplan.report import BREACH, INK
+from hdvplan.report.animation import _map, _poses, film_bytes, frames_of
 from hdvplan.report.atlas import draw_atlas
 from hdvplan.report.compared import compared_figure
 from hdvplan.report.layers import Drawn, Layer
 from hdvplan.report.maps import draw_features
 from hdvplan.report.plots import plan_figure
 from hdvplan.report.rooms import Window
-from hdvplan.report.style import SLIDE_IN, write_within
+from hdvplan.report.style import SLIDE_IN, figure_bytes, styled, write_within
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
@@ -202,3 +209,45 @@ def test_an_obstacle_that_is_hit_is_marked_and_named_however_small(crowded: Resu
     assert f"{-near.distance:.2f} m into lamp post" in [text.get_text() for text in main.texts]
     handles = dict(zip(*reversed(main.get_legend_handles_labels()), strict=True))
     assert np.asarray(handles["obstacle hit"].get_xydata()).tolist() == [[near.x, near.y]]
+
+
+def close_to(image: FloatArray, colour: tuple[int, int, int]) -> int:
+    """Return the number of pixels of a colour; the film's palette is coarse."""
+    return int(np.sum(np.max(np.abs(image - np.array(colour)), axis=-1) < 30.0))
+
+
+@pytest.mark.slow
+def test_the_film_shows_the_bodies_driving_and_what_they_sweep(trailer: Result) -> None:
+    window = Window(90.0, 120.0)
+    frames = [frame for frame, _ in frames_of(_map(trailer, window), _poses(trailer, window))]
+    assert abs(len(frames) - 30.0 / 0.75) < 2.0  # a frame every 0.75 m
+    seen = [np.asarray(frames[number].convert("RGB"), dtype=float) for number in (0, 20, -1)]
+    swept = [close_to(image, (153, 199, 224)) for image in seen]
+    assert swept[0] < swept[1] < swept[2]  # it grows
+    for image in seen:
+        assert close_to(image, (0, 114, 178)) > 20  # the tractor's outline
+        assert close_to(image, (230, 159, 0)) > 20  # the trailer's
+        assert tuple(image[2, 2]) == (255.0, 255.0, 255.0)  # the paper is white; where labels are differs with Matplotlib
+
+
+@pytest.mark.slow
+def test_a_long_road_s_film_shows_its_tightest_places_only(long: Result) -> None:
+    film = Image.open(BytesIO(film_bytes(long)))
+    assert film.format == "GIF"
+    assert abs(int(getattr(film, "n_frames", 1)) - 2 * 50.0 / 0.75) < 4.0  # two stretches of 50 m
+
+
+def test_the_style_stays_inside_its_block() -> None:
+    before = dict(mpl.rcParams)
+    with styled():
+        assert mpl.rcParams["pdf.fonttype"] == 42
+    assert dict(mpl.rcParams) == before
+
+
+def test_names_in_pictures_are_no_tex_though_the_user_s_settings_ask_for_it() -> None:
+    with mpl.rc_context({"text.usetex": True}):
+        with styled():
+            figure = Figure()
+            figure.text(0.5, 0.5, r"\input{/etc/passwd}")
+        drawn = figure_bytes(figure, "svg")
+    assert rb"\input{/etc/passwd}" in drawn

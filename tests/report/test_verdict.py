@@ -1,26 +1,41 @@
+"""Verdicts, summaries and tables of results."""
+
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import shapely
+from rich.console import Console
+from rich.table import Table
 
 import hdvplan
 from hdvplan.answers import LINE
 from hdvplan.api import plan
 from hdvplan.case import Case
-from hdvplan.judging.result import Result, result_of
+from hdvplan.judging.balance import Breach
+from hdvplan.judging.fit import facts_of
+from hdvplan.judging.result import Result, body_name, result_of
+from hdvplan.judging.sentences import breach_text
 from hdvplan.judging.verdict import Verdict, verdict_details, verdict_line, verdict_of, verdict_title
 from hdvplan.need.search import on_road
+from hdvplan.report.grid import grid, markdown_table
 from hdvplan.report.summary import summary_of
+from hdvplan.report.tables import MOST_BREACHES, balance_table, breach_table, planning_table
 from hdvplan.road.limits import Limits
 from hdvplan.road.load import load_road
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind, Region
+from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.vehicle.load import load_vehicle
+from hdvplan.vehicle.model import Unit, Vehicle
 
 
 def judged(result: Result, **changes: object) -> Result:
@@ -144,3 +159,124 @@ def test_a_place_just_before_the_road_is_never_at_minus_zero(bus: Result) -> Non
     package = Path(hdvplan.__file__).parent
     rounded = [path.name for path in package.rglob("*.py") if re.search(r"\bs = \{[^{}]*:\.\d+f\}", path.read_text(encoding="utf-8"))]
     assert rounded == []  # of an arclength: format it as z.1f
+
+
+def test_a_limit_broken_by_less_than_is_counted_as_kept_is_no_violation(bus: Result) -> None:
+    grazed = replace(bus, balance=replace(bus.balance, min_clearance=-0.005))
+    summary = summary_of(grazed)
+    assert summary["limit_violation_m"] == 0.0
+    assert summary["min_clearance_m"] == -0.005
+    assert summary["status"] == "ok"
+
+
+def test_steps_that_were_not_solved_are_told_where(bus: Result) -> None:
+    plans = list(bus.drive.plans)
+    plans[3] = replace(plans[3], usable=False)
+    summary = summary_of(replace(bus, drive=replace(bus.drive, plans=tuple(plans))))
+    assert summary["status"] == "some steps not solved"
+    assert summary["failed_steps"] == [15.0]  # the fourth plan, 5 m apart
+
+
+def test_the_summary_survives_json(trailer: Result) -> None:
+    summary = summary_of(trailer)
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+
+
+def test_bodies_have_the_names_that_people_use() -> None:
+    unit = Unit(6.0, 1.0, 1.0, 2.5)
+    assert body_name(load_vehicle("bus"), 0) == "bus"
+    assert [body_name(load_vehicle("tractor-trailer"), unit) for unit in (0, 1)] == ["tractor", "trailer"]
+    assert body_name(Vehicle("road train", (unit, unit, unit)), 2) == "unit 3"
+
+
+def test_facts_find_the_tightest_and_the_narrowest_place() -> None:
+    road = SCENARIOS["uturn"]()
+    s = np.array([0.0, 40.0, 90.0, road.path.length])
+    left, right = np.array([3.0, 2.0, 3.0, 3.0]), -np.full(4, 3.0)
+    facts = facts_of(replace(road, limits=Limits(s, left, right, left, right)))
+    assert facts.max_curvature == pytest.approx(0.06)
+    assert facts.max_curvature_s == pytest.approx(70.9, abs=0.5)  # where the ramp ends, to the sampling
+    assert facts.narrowest == pytest.approx(5.0, abs=0.02)  # limits are sampled every 0.5 m
+    assert facts.narrowest_s == pytest.approx(40.0, abs=0.5)
+
+
+def printed(table: Table, width: int = 80) -> list[str]:
+    console = Console(file=StringIO(), width=width, color_system=None)
+    console.print(table)
+    assert isinstance(console.file, StringIO)
+    return console.file.getvalue().splitlines()
+
+
+def balance_of(result: Result) -> list[str]:
+    return printed(balance_table(summary_of(result), result.drive.road))
+
+
+def breaches_of(result: Result) -> list[str]:
+    told: dict[str, Any] = summary_of(result)
+    return printed(breach_table(told["breaches"]))
+
+
+@pytest.mark.parametrize("name", ["bus", "trailer", "kerbed", "straight"])
+def test_the_tables_of_a_plan_fit_80_columns(name: str, request: pytest.FixtureRequest) -> None:
+    lines = balance_of(request.getfixturevalue(name)) + printed(planning_table(summary_of(request.getfixturevalue(name)), "out/"))
+    assert lines[-1].strip() == "written to out/"
+    assert all(len(line) <= 80 for line in lines)
+    assert not any("…" in line for line in lines)
+
+
+def test_units_in_square_brackets_survive() -> None:
+    assert "[m]" in "".join(printed(grid("lengths [m]", ("name", "length [m]"), [("[bold]a", "1.0")], text=("name",))))
+    assert "[bold]a" in "".join(printed(grid("", ("name",), [("[bold]a",)], text=("name",))))
+
+
+def test_where_space_is_short_a_long_name_is_broken_before_digits_are_lost() -> None:
+    row = ("qpsolvers/a_solver_of_my_own", "1234.567", "1.2e-10", "100%")
+    shown = "".join(printed(grid("", ("solver", "worst", "off the optimum [m]", "accepted"), [row], text=("solver", "road")), width=60))
+    assert all(number in shown for number in row[1:])
+
+
+def test_space_that_is_short_is_taken_from_text_and_never_from_numbers() -> None:
+    row = ("a_name_of_thirty_letters_or_so", "12345.678", "words " * 10)
+    lines = printed(grid("", ("name", "length [m]", "kind"), [row], text=("name", "kind"), one_line=("kind",)), width=60)
+    assert row[0] in lines[-2]
+    assert row[1] in lines[-2]
+    assert "…" in lines[-2]
+
+
+def test_a_broken_limit_is_told_with_place_depth_side_and_body(kerbed: Result) -> None:
+    assert kerbed.status == "limits broken"
+    deepest = max(kerbed.balance.breaches, key=lambda breach: breach.depth)
+    text = breach_text(kerbed, deepest)
+    for word in ("the bus", f"the {deepest.side} limit of ", f"{deepest.depth:.3f} m", f"s = {deepest.s_deepest:.1f} m"):
+        assert word in text
+    assert "limits broken by" in " ".join(balance_of(kerbed))
+
+
+def test_the_width_that_a_plan_was_asked_to_keep_is_told(straight: Result) -> None:
+    (row,) = [line for line in balance_of(straight) if "narrowest limits" in line]
+    assert row.split()[2:] == ["5.00", "m", "apart,", "first", "at", "s", "=", "0.0", "m"]
+
+
+def test_what_a_limit_binds_is_told_only_where_overhangs_have_limits_of_their_own(kerbed: Result, bus: Result) -> None:
+    assert any("binds" in line for line in breaches_of(kerbed))
+    breach = Breach(10.0, 12.0, 11.0, 0.1, "left", 0, "front corner", "sweepable", (11.0, 1.0))
+    broken = replace(bus, balance=replace(bus.balance, breaches=(breach,)))
+    assert not any("binds" in line for line in breaches_of(broken))
+    assert breach_text(broken, breach) == "the front corner of the bus breaks the left limit by 0.100 m at s = 11.0 m"
+
+
+def test_of_many_breaches_the_deepest_are_listed_in_road_order(bus: Result) -> None:
+    depths = [0.1 + 0.01 * i for i in range(25)]
+    breaches = tuple(Breach(i, i + 1.0, i + 0.5, depths[i], "right", 0, "rear axle", "sweepable", (i + 0.5, -1.0)) for i in range(25))
+    lines = breaches_of(replace(bus, balance=replace(bus.balance, breaches=breaches)))
+    assert lines[0].strip() == f"broken limits (the deepest {MOST_BREACHES} of 25)"
+    rows = [line.split() for line in lines if "right" in line]
+    assert [float(row[0]) for row in rows] == [float(i) for i in range(25 - MOST_BREACHES, 25)]
+
+
+def test_no_value_and_no_heading_can_end_a_cell_or_a_row() -> None:
+    table = pd.DataFrame({"mean |left + right|": ["a | b\nc"]})
+    header, rule, row = markdown_table(table, text=()).splitlines()
+    assert header == r"|   mean \|left + right\| |"
+    assert row.strip("| ") == r"a \| b c"
+    assert rule.endswith("-:|")  # numbers stand right
