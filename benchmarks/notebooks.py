@@ -2,7 +2,7 @@
 
 python benchmarks/notebooks.py [NAME ...]
 
-tests/docs/test_notebooks.py holds the cells to what the pages say.
+tests/docs/test_numbers.py holds the cells to what the pages say.
 """
 
 from __future__ import annotations
