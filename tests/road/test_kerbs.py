@@ -170,22 +170,6 @@ def test_a_kerb_is_rounded_only_as_far_as_its_shorter_leg_allows() -> None:
     np.testing.assert_allclose(kerb.points[1], [33.0, 3.0], atol=6e-3)  # the radius, 4 m, is found to a thousandth of 6 m
 
 
-def test_a_jump_of_the_width_is_a_step_along_the_normal() -> None:
-    line = np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 0.0], [50.0, 0.0]])
-    (kerb,) = kerb_of(line, np.array([0.0, 1.0, 1.0, 2.0]), np.zeros(4, dtype=bool), np.array([3.0, 3.0, 5.0, 5.0]), closed=False)
-    np.testing.assert_allclose(kerb.points, [[0.0, 3.0], [20.0, 3.0], [20.0, 5.0], [50.0, 5.0]])
-    np.testing.assert_allclose(kerb.number, [0.0, 1.0, 1.0, 2.0])
-
-
-def test_a_width_that_changes_makes_a_slanting_kerb_and_still_one_corner() -> None:
-    line = street((0.0, 0.0), (40.0, 0.0), (40.0, 40.0))
-    (kerb,) = kerb_of(*line, np.array([2.0, 4.0, 3.0]), closed=False)
-    assert len(kerb.points) == 3
-    corner = kerb.points[1]
-    assert corner[1] == pytest.approx(2.0 + 0.05 * corner[0])
-    assert 40.0 - corner[0] == pytest.approx(4.0 - 0.025 * corner[1])
-
-
 def test_a_point_that_is_given_twice_in_a_bend_leaves_the_kerb_as_it_is() -> None:
     angle = np.linspace(0.0, 1.0, 41)
     line, number = 20.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1), np.arange(41.0)

@@ -98,11 +98,6 @@ def test_a_closed_road_stays_closed() -> None:
     assert abs(turned.path.length - ring.path.length) == pytest.approx(2.0 * np.pi * 1.75, abs=1e-3)
 
 
-def test_the_offset_is_to_the_left_of_the_driving_direction() -> None:
-    lane = offset_road(reversed_road(limited()), -1.5)  # driving west, right is north
-    assert float(lane.path.at(lane.path.length).y) == pytest.approx(1.5, abs=1e-4)
-
-
 def test_regions_stay_where_they_are_and_are_cut_anew() -> None:
     van = Region(Kind.OBSTACLE, shapely.box(40.0, -3.0, 45.0, -1.0))
     road = Road("straight", from_curvature(np.array([0.0, 100.0]), np.zeros(2)), regions=(van,)).with_limits(3.5, 3.5)

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from hdvplan.errors import OptionError, RoadError
-from hdvplan.judging.fit import Trouble, fit_of
+from hdvplan.judging.fit import fit_of
 from hdvplan.legs import load_legs
 from hdvplan.road.line import is_closed
 from hdvplan.road.load import load_road
@@ -39,18 +39,6 @@ def test_a_shipped_map_is_found_by_its_name() -> None:
     by_name, by_file = (load_road(one, RoadOptions(road_ids="0,5")) for one in ("neuweiler", shipped("opendrive")["neuweiler"]))
     assert by_name.name == "neuweiler"
     assert by_name.path.length == by_file.path.length
-
-
-def test_the_ring_is_closed_and_returns_to_longitude_and_latitude() -> None:
-    road = load_road("neubrandenburg_ring")
-    assert road.path.closed
-    ends = road.path.at(np.array([0.0, road.path.length]))
-    np.testing.assert_allclose(ends.x[0], ends.x[1], atol=1e-6)
-    np.testing.assert_allclose(ends.curvature[0], ends.curvature[1], atol=1e-6)
-    assert road.to_lonlat is not None
-    lon, lat = road.to_lonlat(ends.x, ends.y)
-    assert abs(lon[0] - 13.26) < 0.05  # the ring of Neubrandenburg, roughly
-    assert abs(lat[0] - 53.56) < 0.05
 
 
 @pytest.mark.slow
@@ -233,16 +221,6 @@ def test_the_van_reaches_half_a_metre_over_the_lane_s_centre_and_leaves_the_pass
     left, right, _, _ = limits.table(np.array([80.0]))
     assert float(right[0]) == pytest.approx(0.5, abs=1e-3)  # nine decimals of a degree are 0.1 mm
     assert float(left[0] - right[0]) == pytest.approx(BUS.width + spare, abs=1e-3)
-
-
-def test_geometry_tells_the_passages_apart() -> None:
-    assert fit_of(load_road("parked_van"), BUS).fits is True
-    (finding,) = fit_of(load_road("parked_van_tight"), BUS).findings
-    assert finding.trouble is Trouble.WIDTH
-    assert finding.needed - finding.available == pytest.approx(0.15, abs=1e-3)
-    # The van stands from 78 m to 83.5 m; beside it limits change within the 0.1 m between two places of the table.
-    assert finding.s_from == pytest.approx(78.0, abs=0.11)
-    assert finding.s_to == pytest.approx(83.5, abs=0.11)
 
 
 def test_the_bend_fits_only_with_the_overhang_over_the_kerb() -> None:

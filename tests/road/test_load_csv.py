@@ -42,13 +42,6 @@ def test_sweep_limits_are_read_beside_the_widths() -> None:
     np.testing.assert_array_equal(raw.reaches[:, 0], [3.0, 2.0, 4.0, 2.0])
 
 
-def test_longitude_and_latitude_are_projected_with_true_lengths() -> None:
-    raw = read_csv("lon,lat\n-70.0,45.0\n-70.0,45.01\n", "f")
-    # a hundredth of a degree of latitude at 45 degrees on WGS84 is 1111.3 m (meridian arc)
-    assert np.hypot(*np.diff(raw.points, axis=0)[0]) == pytest.approx(1111.32, abs=0.05)
-    assert raw.to_lonlat is not None
-
-
 def test_swapped_longitude_and_latitude_are_said_to_be() -> None:
     with pytest.raises(RoadError) as caught:
         read_csv("lon,lat\n43.7,107.4\n43.8,107.5\n", "f")

@@ -47,13 +47,6 @@ def test_geometry_feature_and_collection_give_the_same_road() -> None:
     np.testing.assert_array_equal(read_geojson(json.dumps(three_dimensional), "f").points, expected)
 
 
-def test_points_return_to_their_longitude_and_latitude() -> None:
-    raw = read_geojson(json.dumps(geometry()), "f")
-    assert raw.to_lonlat is not None
-    lonlat = np.stack(raw.to_lonlat(*raw.points.T), axis=1)
-    np.testing.assert_allclose(lonlat, LINE, atol=1e-9)  # 0.1 mm
-
-
 def test_one_of_several_lines_is_chosen_by_name_or_id() -> None:
     text = collection(feature(name="north"), feature(geometry(LINE[::-1]), name="south", id=7))
     north, south = read_geojson(text, "f", feature="north"), read_geojson(text, "f", feature="7")

@@ -140,11 +140,6 @@ def test_edges_that_lie_in_the_line_are_those_of_no_street(tmp_path: Path) -> No
         load_road(file, ON_AXIS)
 
 
-def test_a_drawing_without_a_unit_that_may_be_a_street_is_read_in_metres_with_a_note(tmp_path: Path) -> None:
-    road = load_road(drawing(tmp_path / "a.dxf", "m", 0), ON_AXIS)
-    assert "a.dxf says no unit; its coordinates are read as metres, unless --unit says otherwise" in road.notes
-
-
 def test_the_system_that_is_given_says_the_unit(tmp_path: Path) -> None:
     road = load_road(drawing(tmp_path / "a.dxf", "m", 4), RoadOptions(layer="AXIS", crs="EPSG:3006"))
     assert road.path.length == pytest.approx(load_road(drawing(tmp_path / "b.dxf", "m"), ON_AXIS).path.length, abs=ROUNDED_M)
