@@ -239,14 +239,6 @@ def test_debug_shows_the_traceback_on_either_side_of_the_command(cli: Cli, argum
     assert "error: no road file" in outcome.err
 
 
-def test_an_interrupt_is_reported_as_shells_do(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupt(_name: str) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("hdvplan.vehicle.load.read_vehicle", interrupt)
-    refused(cli("plan", "uturn", *ON_BUS), "interrupted", code=130)
-
-
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -39,12 +39,6 @@ def test_the_report_says_as_json_what_it_wrote(cli: Cli, tmp_path: Path, plans: 
     assert "<nav" not in (tmp_path / "one.html").read_text(encoding="utf-8")  # nothing to choose from
 
 
-def test_a_report_that_cannot_be_written_is_refused(cli: Cli, plans: tuple[str, str]) -> None:
-    outcome = cli("report", *plans, "--out", "missing/report.html")
-    assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith("error: cannot write missing/report.html: ")
-
-
 @pytest.mark.slow
 def test_legs_needs_and_turns_come_with_their_answer_picture_and_numbers(cli: Cli, tmp_path: Path, short_road: str) -> None:
     written(tmp_path, *turn_features())
