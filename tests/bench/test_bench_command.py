@@ -269,6 +269,7 @@ REFUSED = [
     (("--export-qps", "qps", "--plot", "b.png"), "so --against, --counters and --plot do not apply"),
     ((*AGAINST, "--counters", "c.csv"), "not with a file"),
     (("--counters", "c.csv", "--strict"), "exit codes say more"),
+    (("--counters", "none.csv"), "counters none.csv cannot be read"),
     ((*AGAINST, "--command", "true"), "do not apply"),
     ((*AGAINST, "--roads", "nowhere"), "nowhere"),
     ((*AGAINST, "--solvers", "osqpp"), "unknown solver"),
@@ -334,13 +335,6 @@ def test_every_printed_ratio_is_the_quotient_of_the_printed_times(cli: Cli, shor
         assert best[2] == 1.0
         quotient = other[1] / best[1]
         assert other[2] == pytest.approx(quotient, abs=0.05 + quotient * 5e-4 * (1 / best[1] + 1 / other[1]))  # halves of last digits
-
-
-def test_a_baseline_that_cannot_be_read_is_told_before_anything_is_measured(cli: Cli, short_road: str, tmp_path: Path) -> None:
-    outcome = cli("bench", "--roads", short_road, "--vehicles", "bus", "--counters", "none.csv", "--out", "out")
-    assert (outcome.code, outcome.out) == (2, "")
-    assert "counters none.csv cannot be read" in outcome.err
-    assert not (tmp_path / "out").exists()
 
 
 TIRED = """

@@ -63,17 +63,6 @@ def swept(measured: Measurement, **lengths: float) -> Measurement:
     return replace(measured, judgement=replace(measured.judgement, **lengths))  # type: ignore[arg-type] # lengths only
 
 
-@pytest.mark.slow
-def test_the_same_twice_is_fine_and_slower_cells_are_told_apart() -> None:
-    assert held(side(), side(processes=6)).verdict is GateVerdict.FINE
-    slower = held(side(), side(slow=1.3))
-    assert slower.verdict is GateVerdict.REGRESSED
-    assert not slower.changes
-    verdicts = [entry.verdict for entry in slower.times]
-    assert verdicts == [GateVerdict.REGRESSED, GateVerdict.FINE]
-    assert held(side(slow=1.3), side()).verdict is GateVerdict.FINE
-
-
 def test_the_cold_start_does_not_count() -> None:
     def cold(measured: Measurement) -> Measurement:
         steps = measured.steps.copy()

@@ -198,10 +198,8 @@ def test_a_name_is_data_and_nothing_of_it_runs(
     evil = ours / "python-evil"  # a file of the repository must not be taken for an interpreter by its bare name
     evil.write_text("#!/bin/sh\ntouch owned\n", encoding="utf-8")
     evil.chmod(0o755)
-    monkeypatch.chdir(ours)
     monkeypatch.setattr("hdvplan.bench.comparing.programs.run", nothing)
     monkeypatch.setattr("hdvplan.bench.comparing.programs.start", nothing)
-    monkeypatch.setattr("hdvplan.bench.comparing.programs.run", nothing)
     outcome = cli("bench", f"--against={against}", "--roads", short_road, "--quiet")
     assert (outcome.code, outcome.out) == (2, "")
     lines = outcome.err.splitlines()
