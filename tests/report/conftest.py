@@ -37,7 +37,9 @@ def once(make: Callable[[Result], Made]) -> Callable[[Result], Made]:
 
 def driven(road: Road, vehicle: str) -> Result:
     settings = PlannerSettings(horizon=50.0)
-    return result_of(drive(road, load_vehicle(vehicle), geometric, solver_named("piqp"), settings), solver="piqp", objective="geometric")
+    return result_of(
+        drive(road, load_vehicle(vehicle), geometric, solver_named("riccati"), settings), solver="riccati", objective="geometric"
+    )
 
 
 @pytest.fixture(scope="session")

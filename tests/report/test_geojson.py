@@ -117,7 +117,7 @@ def between(straight: Result, *kerbs: list[tuple[float, float]]) -> Result:
     """Return the straight drive, 1.27 m to either side, between a left and a right kerb."""
     made = tuple(Kerb(np.array(points), np.array(points)[:, 0], left) for points, left in zip(kerbs, (True, False), strict=True))
     road = replace(straight.drive.road).with_kerbs(made)
-    return result_of(replace(straight.drive, road=road), solver="piqp", objective="geometric")
+    return result_of(replace(straight.drive, road=road), solver="riccati", objective="geometric")
 
 
 def test_a_conflict_is_what_bodies_swept_beyond_the_kerb_and_nothing_within_it(straight: Result) -> None:
@@ -167,7 +167,7 @@ def test_overhangs_beyond_the_kerbs_of_wheels_are_no_conflict(kerbed: Result) ->
 def test_beside_an_island_that_overhangs_may_cross_limits_are_its_outline_and_the_kerbs_once(straight: Result) -> None:
     island = shapely.box(40.0, 1.6, 50.0, 2.4)
     road = replace(straight.drive.road, regions=(Region(Kind.SWEEPABLE, island),)).with_limits(4.0, 1.2)
-    result = result_of(replace(straight.drive, road=road), solver="piqp", objective="geometric")
+    result = result_of(replace(straight.drive, road=road), solver="riccati", objective="geometric")
     kerbs = shown_kerbs(result)
     away = [(kerb.side, kerb.binds) for kerb in kerbs if shapely.distance(kerb.line, island) > 0.1]
     assert away == [("left", "wheels"), ("right", "wheels")]
@@ -179,7 +179,7 @@ def test_beside_an_island_that_overhangs_may_cross_limits_are_its_outline_and_th
 
 def test_a_conflict_on_the_inside_of_a_bend_is_as_deep_as_its_breach(bus: Result) -> None:
     road = bus.drive.road.with_limits(2.3, 4.0)
-    result = result_of(replace(bus.drive, road=road), solver="piqp", objective="geometric")
+    result = result_of(replace(bus.drive, road=road), solver="riccati", objective="geometric")
     (breach,) = [one for one in result.balance.breaches if one.side == "left"]
     kerb, area = broken_kerb(result, breach, 1.0), beyond_kerb(result, breach)
     furthest = np.max(shapely.distance(shapely.points(shapely.get_coordinates(area)), kerb))

@@ -100,7 +100,7 @@ def test_names_from_files_cannot_become_markup(plan: PlanFiles) -> None:
 
 def test_plans_are_told_apart_by_what_differs(plan: PlanFiles) -> None:
     other = replace(plan, summary=plan.summary | {"solver": "osqp"})
-    assert short_labels([plan, other]) == ["piqp", "osqp"]
+    assert short_labels([plan, other]) == ["riccati", "osqp"]
     assert short_labels([plan]) == ["bus"]
     twin = replace(plan, directory=Path("again"))
     assert short_labels([plan, twin]) == [f"bus ({plan.directory.name})", "bus (again)"]
@@ -140,8 +140,8 @@ def test_how_it_was_planned_is_folded_away_and_named_only_where_it_tells_plans_a
     assert "<h2>bus on uturn</h2>" in page
     shown, _, folded = page.partition("<details>")
     assert "SQP iterations" in folded
-    assert not any(word in shown for word in ("SQP iterations", "Time of a planning step", "piqp on "))
-    assert "piqp" in report_html([plan, replace(plan, summary=plan.summary | {"solver": "osqp"})], "Two").partition("<details>")[0]
+    assert not any(word in shown for word in ("SQP iterations", "Time of a planning step", "riccati on "))
+    assert "riccati" in report_html([plan, replace(plan, summary=plan.summary | {"solver": "osqp"})], "Two").partition("<details>")[0]
 
 
 @pytest.mark.parametrize("entry", ["road", "bodies", "breaches", "time_ms"])
@@ -183,7 +183,7 @@ def test_the_page_draws_the_kerbs_where_they_are_not_where_normals_of_the_line_m
     points = [np.array(line) for line in (notched, [(-20.0, -3.0), (110.0, -3.0)])]
     kerbs = tuple(Kerb(line, line[:, 0], left) for line, left in zip(points, (True, False), strict=True))
     road = replace(straight.drive.road.with_kerbs(kerbs), bridges=(np.array([(41.0, 9.0), (39.0, 9.0)]),))
-    result = result_of(replace(straight.drive, road=road), solver="piqp", objective="geometric")
+    result = result_of(replace(straight.drive, road=road), solver="riccati", objective="geometric")
     write_plan(result, tmp_path)
     plan = read_plan(tmp_path)
     moved = payload_of(replace(plan, path=plan.path.assign(x=plan.path["x"] + 100.0)))

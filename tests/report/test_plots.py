@@ -130,7 +130,7 @@ def test_what_is_tight_by_geometry_is_seen_over_enlarged_stretches(kerbed: Resul
 
 def test_limits_far_away_shrink_neither_map_nor_envelope(bus: Result) -> None:
     road = bus.drive.road.with_limits(250.0, 250.0)
-    figure = plan_figure(result_of(replace(bus.drive, road=road), solver="piqp", objective="geometric"))
+    figure = plan_figure(result_of(replace(bus.drive, road=road), solver="riccati", objective="geometric"))
     figure.draw_without_rendering()
     reach = next(axes for axes in figure.axes if axes.get_ylabel().startswith("reach"))
     assert np.ptp(reach.get_ylim()) < 10.0
@@ -176,7 +176,7 @@ def crowded() -> Result:
     x, y = (float(of) for of in road.path.to_plane(40.0, 0.3))
     post = Region(Kind.OBSTACLE, shapely.Point(x, y).buffer(0.1), "lamp post")
     drive = replace(plan.drive, road=replace(plan.drive.road, regions=(post,)))
-    return result_of(drive, solver="piqp", objective="geometric")
+    return result_of(drive, solver="riccati", objective="geometric")
 
 
 def test_every_legend_lies_within_its_picture(crowded: Result, kerbed: Result, trailer: Result) -> None:

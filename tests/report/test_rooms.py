@@ -36,7 +36,7 @@ def beside_a_van(straight: Result, y: float) -> Result:
     """Return the straight drive, 1.27 m to either side, with a van whose side lies at ``y`` [m]."""
     road = replace(straight.drive.road, regions=(Region(Kind.OBSTACLE, shapely.box(40.0, y, 45.0, y + 2.0), "van"),))
     drive = replace(straight.drive, road=replace(road.within(straight.drive.road.limits)))
-    return result_of(drive, solver="piqp", objective="geometric")
+    return result_of(drive, solver="riccati", objective="geometric")
 
 
 @pytest.mark.parametrize("name", ["bus", "kerbed", "straight", "near", "hit"])
@@ -83,7 +83,7 @@ def test_however_many_vans_are_hit_the_bodies_are_placed_once(straight: Result, 
     vans = [shapely.box(s, 1.0, s + 1.0, 3.0) for s in np.arange(10.0, 70.0, 4.0)]
     regions = tuple(Region(Kind.OBSTACLE, van, str(number)) for number, van in enumerate(vans))
     road = replace(straight.drive.road, regions=regions).within(straight.drive.road.limits)
-    result = result_of(replace(straight.drive, road=road), solver="piqp", objective="geometric")
+    result = result_of(replace(straight.drive, road=road), solver="riccati", objective="geometric")
     calls: list[IntArray] = []
 
     def counted(drive: Drive, numbers: IntArray) -> FloatArray:

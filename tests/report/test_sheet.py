@@ -118,7 +118,7 @@ def test_a_scale_without_room_for_the_vehicle_is_refused(bus: Result) -> None:
 
 def test_a_station_s_number_that_a_letter_would_cover_stands_on_the_other_side(straight: Result) -> None:
     narrow = replace(straight.drive, road=straight.drive.road.with_limits(2.0, 3.0))
-    result = result_of(narrow, solver="piqp", objective="geometric")
+    result = result_of(narrow, solver="riccati", objective="geometric")
     (page,) = pages_of(result, FIELD_MM, 500)
     room = room_at(result, int(np.argmin(np.abs(result.envelope.s - 40.0))))
     for places, side in (([("A", room)], False), ([], True)):

@@ -42,7 +42,7 @@ def judged(result: Result, **changes: object) -> Result:
     """The same drive on a road of other limits or regions, or with another clearance wanted."""
     clearance = changes.pop("clearance", 0.0)
     drive = replace(result.drive, road=replace(result.drive.road, **changes), settings=replace(result.drive.settings, clearance=clearance))  # type: ignore[arg-type] # of a test
-    return result_of(drive, solver="piqp", objective="geometric")
+    return result_of(drive, solver="riccati", objective="geometric")
 
 
 def line(result: Result) -> str:
