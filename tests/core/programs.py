@@ -1,5 +1,6 @@
-"""Stage programs with random values, their dense form written out, and an independent solution of it."""
+"""Stage programs with random values, dense and solved by other means, and a workspace maker that keeps a copy of all it is given."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import clarabel
@@ -8,6 +9,7 @@ import scipy.sparse as sp
 
 from hdvplan.arrays import FloatArray
 from hdvplan.qp.program import StageQp, StageShape, StageSolution
+from hdvplan.qp.workspace import QpResult, QpWorkspace, Status
 
 PARTS = ("x", "u", "sigma", "dynamics", "rows", "x_bounds", "u_bounds")  # of a primal-dual point
 
@@ -130,3 +132,43 @@ def staged(qp: StageQp, v: FloatArray, equality: FloatArray, inequality: FloatAr
     both = bounds[0] - bounds[1]
     point.x_bounds[:], point.u_bounds[:] = both[: N * b].reshape(N, b), both[N * b :].reshape(N, m)
     return point
+
+
+Answer = Callable[[StageQp], StageSolution | None]
+
+
+class Spy:
+    """Call it to make its workspace. ``answer`` may return a point of its own, or None to let the solver solve."""
+
+    def __init__(self, make: Callable[[StageShape], QpWorkspace], answer: Answer | None = None) -> None:
+        """Stand between planning and the workspaces that ``make`` makes."""
+        self.programs: list[StageQp] = []
+        self.guessed: list[bool] = []  # whether a guess came with each
+        self.answer = answer
+        self._make = make
+        self._workspace: QpWorkspace | None = None
+
+    def __call__(self, shape: StageShape) -> "Spy":
+        """Make the workspace."""
+        self._workspace = self._make(shape)
+        return self
+
+    @property
+    def name(self) -> str:
+        """Return a name that no solver has."""
+        return "spy"
+
+    @property
+    def starts_warm(self) -> bool:
+        """Return what the made workspace says."""
+        return self._workspace is not None and self._workspace.starts_warm
+
+    def solve(self, qp: StageQp, guess: StageSolution | None) -> QpResult:
+        """Keep a copy of ``qp`` and have it solved."""
+        self.programs.append(StageQp(qp.shape, qp.buffer.copy()))
+        self.guessed.append(guess is not None)
+        point = None if self.answer is None else self.answer(qp)
+        if point is not None:
+            return QpResult(Status.SOLVED, point, 1, 0.0, 0.0)
+        assert self._workspace is not None
+        return self._workspace.solve(qp, guess)

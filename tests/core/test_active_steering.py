@@ -25,8 +25,7 @@ from hdvplan.road.scenarios import SCENARIOS
 from hdvplan.solvers.registry import solver_named
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import few, linearised, rates, three_units
-from tests.core.differences import differences
+from tests.core.chains import differences, few, linearised, rates, three_units
 from tests.core.rules import gap
 from tests.core.scenes import extended, horizon_at, move
 from tests.core.test_steering import PROFILE_K, PROFILE_S, plane_rates

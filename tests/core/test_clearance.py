@@ -24,7 +24,7 @@ from hdvplan.vehicle import kinematics
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import arc, few, three_units, winding
-from tests.core.twins.path import evaluate
+from tests.core.twins.kinematics import evaluate
 from tests.core.twins.street import TO_JUDGE, look
 from tests.nightly import nightly
 

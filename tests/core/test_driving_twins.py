@@ -17,11 +17,8 @@ from hdvplan.vehicle.kinematics import place_many, rates
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import few, vehicles, winding
-from tests.core.twins import follow as follow_twin
-from tests.core.twins import kinematics as kinematics_twin
-from tests.core.twins import path as path_twin
-from tests.core.twins import simulate as simulate_twin
-from tests.core.twins import sweep as sweep_twin
+from tests.core.twins import balance as envelope_twin
+from tests.core.twins import kinematics as motion_twin
 
 STEP, KEEP = 0.5, 2
 each_kind = pytest.mark.parametrize("name", ["bus", "citaro-k", "semitrailer-steered", "semitrailer-active", "a-double"])
@@ -44,7 +41,7 @@ def wheels_of(vehicle: Vehicle, count: int) -> FloatArray:
 def test_points_of_a_path_are_those_of_its_polynomials_also_beyond_its_ends() -> None:
     path = winding().extended(5.0, 5.0)
     s = np.random.default_rng(0).uniform(path.s_first - 0.4, path.s_last + 0.4, 500)
-    expected = np.array([path_twin.evaluate(path, at) for at in s]).T
+    expected = np.array([motion_twin.evaluate(path, at) for at in s]).T
     # rounding at 100 m; two terms of 1/sqrt(1 + over) in the rest, whose ``over`` grows beyond the ends
     np.testing.assert_allclose(evaluate_many(path, s), expected, rtol=0.0, atol=1e-12)
 
@@ -56,7 +53,7 @@ def test_feet_are_found_and_missed_where_the_search_in_python_does(last_step: fl
     near, offset = rng.uniform(0.0, 110.0, 500), rng.uniform(-40.0, 40.0, 500)
     x, y = path.to_plane(np.clip(near + rng.uniform(-14.0, 14.0, 500), path.s_first, path.s_last), offset)
     found = project_many(path, x, y, near, last_step)
-    expected = np.array([path_twin.project(path, *point, last_step) for point in zip(x, y, near, strict=True)]).T
+    expected = np.array([motion_twin.project(path, *point, last_step) for point in zip(x, y, near, strict=True)]).T
     missed = np.isnan(expected[1])
     assert 20 < np.count_nonzero(missed) < 200
     np.testing.assert_array_equal(np.isnan(found[1]), missed)
@@ -77,11 +74,11 @@ def test_a_copy_of_a_path_reads_its_own_coefficients() -> None:
 @few
 def test_rates_and_places_are_those_of_the_twin(vehicle: Vehicle, draw: list[float], kappa: float, k: float) -> None:
     units, z = vehicle.table(), np.array([2.0, 0.5, 1.2, 1.2, 1.2])[: vehicle.states] * draw[: vehicle.states]
-    np.testing.assert_allclose(rates(units, k, z, kappa), kinematics_twin.rates(units, k, z, kappa), rtol=0.0, atol=1e-13)  # rounding
+    np.testing.assert_allclose(rates(units, k, z, kappa), motion_twin.rates(units, k, z, kappa), rtol=0.0, atol=1e-13)  # rounding
     point = np.array([3.0, -7.0, np.cos(2.0), np.sin(2.0), 0.0])
     poses = place_many(units, np.stack([point, point], axis=1), np.stack([z, 0.5 * z]))
     for found, at in zip(poses, (z, 0.5 * z), strict=True):
-        expected = kinematics_twin.places(units, point[:4], at)
+        expected = motion_twin.places(units, point[:4], at)
         given_names = np.stack([found[name] for name in ("x", "y", "cos", "sin")], axis=1)
         np.testing.assert_allclose(given_names, expected, rtol=0.0, atol=1e-13)  # rounding at 30 m
 
@@ -94,7 +91,7 @@ def test_the_simulation_is_that_of_the_twin(name: str) -> None:
     z = np.concatenate([0.1 * np.arange(vehicle.rigid_states), wheels[0]])
     found = simulate(vehicle.table(), path, 17.3, STEP, z, kappa, KEEP, wheels)
     substeps = int(np.ceil(STEP / KEEP / SUBSTEP_M))
-    expected = simulate_twin.simulate(vehicle.table(), path, 17.3, STEP, z, kappa, KEEP, substeps, wheels)
+    expected = motion_twin.simulate(vehicle.table(), path, 17.3, STEP, z, kappa, KEEP, substeps, wheels)
     assert np.all(np.isfinite(expected))
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-13)  # rounding over 120 steps
 
@@ -103,7 +100,7 @@ def test_a_simulation_ends_where_the_twins_does() -> None:
     vehicle, path = load_vehicle("bus"), from_curvature(np.array([0.0, 60.0]), np.zeros(2))
     kappa, z = np.full(25, 0.1), np.zeros(2)
     found = simulate(vehicle.table(), path, 0.0, STEP, z, kappa, KEEP)
-    expected = simulate_twin.simulate(vehicle.table(), path, 0.0, STEP, z, kappa, KEEP, 5, np.empty((26, 0)))
+    expected = motion_twin.simulate(vehicle.table(), path, 0.0, STEP, z, kappa, KEEP, 5, np.empty((26, 0)))
     assert np.isnan(expected[-1, 0])
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9)  # rounding, divided by the cosine of nearly a quarter turn
 
@@ -116,7 +113,7 @@ def test_the_envelope_is_that_of_the_twin() -> None:
     s, outlines = begin + STEP / KEEP * np.arange(len(z), dtype=np.float64), envelope._outlines(units)
     stations = envelope.SPACING_M * np.arange(160, dtype=np.float64)
     low, high = envelope._sweep(units, outlines, path, s, z, stations)
-    expected = sweep_twin.sweep(units, outlines, path, s, z, stations)
+    expected = envelope_twin.sweep(units, outlines, path, s, z, stations)
     for found, reach in zip((low, high), expected, strict=True):
         # a last step of 2e-5 m leaves its square times the curvature in a foot
         np.testing.assert_allclose(found, reach, rtol=0.0, atol=1e-10)
@@ -137,7 +134,7 @@ def test_a_driven_manoeuvre_is_that_of_the_twin(name: str) -> None:
     units, point, most = follow.passive(vehicle).table(), (vehicle.lead.wheelbase, 0.5), 0.2
     pieces, counts = np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.06], [4.0, 0.06, 0.06]]), np.array([2, 4, 5])
     found = follow.integrate(units, point, pieces, counts, 3, 0.1, most)
-    for own, expected in zip(found, follow_twin.follow(units, point, pieces, counts, 3, 0.1, most), strict=True):
+    for own, expected in zip(found, motion_twin.follow(units, point, pieces, counts, 3, 0.1, most), strict=True):
         assert np.all(np.isfinite(expected))
         np.testing.assert_allclose(own, expected, rtol=0.0, atol=1e-13)  # both find kappa to 1e-15
 
@@ -145,7 +142,7 @@ def test_a_driven_manoeuvre_is_that_of_the_twin(name: str) -> None:
 def test_a_manoeuvre_ends_where_the_front_wheels_stop() -> None:
     units, pieces, counts = load_vehicle("bus").table(), np.array([[10.0, 0.0, 0.1]]), np.array([20])
     found = follow.integrate(units, (6.0, 0.0), pieces, counts, 2, 0.0, 0.03)
-    expected = follow_twin.follow(units, (6.0, 0.0), pieces, counts, 2, 0.0, 0.03)
+    expected = motion_twin.follow(units, (6.0, 0.0), pieces, counts, 2, 0.0, 0.03)
     assert 2 < np.count_nonzero(np.isfinite(expected[1])) < 20
     for own, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(own, other, rtol=0.0, atol=1e-13)

@@ -16,10 +16,9 @@ from hdvplan.planning.terms.limits import ROWS_PER_SIDE, LimitsPart
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
-from tests.core.chains import placed, three_units, varying_limits, winding
-from tests.core.differences import differences
+from tests.core.chains import differences, placed, three_units, varying_limits, winding
 from tests.core.scenes import extended, horizon_at, linearised, move, moved_of, part_of
-from tests.core.twins.path import evaluate
+from tests.core.twins.kinematics import evaluate
 from tests.core.twins.street import gaps, look, state_before
 from tests.nightly import nightly
 

@@ -18,8 +18,7 @@ from hdvplan.planning.terms.term import Columns, Scene
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import few, on_road, rates, three_units, vehicles, winding
-from tests.core.differences import differences
+from tests.core.chains import differences, few, on_road, rates, three_units, vehicles, winding
 from tests.core.rules import advance, gap
 from tests.core.scenes import extended, horizon_at, move
 

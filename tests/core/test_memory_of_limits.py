@@ -19,7 +19,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import placed, winding
 from tests.core.scenes import extended, horizon_at, linearised, move, part_of, shifted
-from tests.core.twins.path import evaluate
+from tests.core.twins.kinematics import evaluate
 from tests.core.twins.street import look
 from tests.nightly import nightly
 

@@ -14,8 +14,7 @@ from hdvplan.qp.program import StageQp, StageShape, StageSolution
 from hdvplan.vehicle.kinematics import place_many
 from hdvplan.vehicle.load import load_vehicle
 from tests.core.chains import few
-from tests.core.moves import defect_price, guess, l1_weights, take_step
-from tests.core.scenes import record_of
+from tests.core.scenes import defect_price, guess, l1_weights, record_of, take_step
 
 STAGES = 12
 ACTIVE = load_vehicle("semitrailer-active")  # e_y, e_psi, one articulation angle, one wheel angle

@@ -8,8 +8,7 @@ from scipy.optimize import fsolve
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import ProjectionError, RoadError
 from hdvplan.road.path import ReferencePath, evaluate_many, from_curvature, from_samples, project_many
-from tests.core.chains import arc, few, winding
-from tests.core.differences import differences
+from tests.core.chains import arc, differences, few, winding
 
 
 def closed_circle(radius: float = 20.0, cells: int = 240) -> ReferencePath:

@@ -17,11 +17,9 @@ from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.kinematics import axles_behind
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
-from tests.core.chains import on_road, winding
-from tests.core.differences import differences
-from tests.core.programs import PARTS
+from tests.core.chains import differences, on_road, winding
+from tests.core.programs import PARTS, Spy
 from tests.core.rules import advance
-from tests.core.spying import Spy
 from tests.core.twins.street import gaps, state_before
 
 LIMIT = 3.4
@@ -315,15 +313,6 @@ def test_a_plan_that_breaks_a_limit_gets_as_many_programs_more_as_are_allowed() 
         assert plan.violation > 0.1
         counts.append(plan.qp_count)
     assert counts == [1, 3, 4]
-
-
-def test_stages_that_are_driven_before_the_next_plan_count_as_fixed_once_there_is_one() -> None:
-    vehicle, settings = VEHICLES[0], PlannerSettings(horizon=25.0)
-    planner, _, _ = planned(vehicle, settings)
-    plan = planner.plan(50, start(vehicle), 0.0)
-    assert planner._scene.record["fixed"] == 0  # the first plan of a drive iterates, and so does its every program
-    planner.plan(60, plan.z[10], float(plan.kappa[9]))
-    assert planner._scene.record["fixed"] == settings.executed
 
 
 def test_a_margin_keeps_that_much_further_from_the_limit() -> None:

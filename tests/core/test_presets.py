@@ -18,8 +18,7 @@ from hdvplan.road.scenarios import SCENARIOS, turn_profile
 from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.load import load_vehicle, preset_names
 from hdvplan.vehicle.model import Unit, Vehicle
-from tests.core.chains import axles, placed, rates
-from tests.core.differences import differences
+from tests.core.chains import axles, differences, placed, rates
 
 LEAD_IN, RAMP, CONSTANT = 50.0, 5.5, 320.0  # the roundabout of [GEO], driven three times round so that everything settles
 SETTLED = (LEAD_IN + RAMP + 180.0, LEAD_IN + RAMP + CONSTANT - 70.0)  # before the plan sees the end, some 30 m ahead

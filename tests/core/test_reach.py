@@ -21,10 +21,9 @@ from hdvplan.solvers.riccati import RiccatiWorkspace
 from hdvplan.vehicle.kinematics import axle_points, axles_behind, edge_points
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import on_road, winding
-from tests.core.differences import differences
+from tests.core.chains import differences, on_road, winding
+from tests.core.programs import Spy
 from tests.core.scenes import extended, horizon_at, move
-from tests.core.spying import Spy
 
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer")]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)

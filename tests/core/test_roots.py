@@ -1,4 +1,4 @@
-"""Roots of rising functions, against scipy's search and against what is known of them."""
+"""Roots of rising functions and running extremes, against scipy's search and windows cut out one by one."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import elementwise
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, running
 from hdvplan.centring.stationary import find_roots
 from tests.core.chains import few
 
@@ -49,3 +49,14 @@ def test_a_root_at_an_end_is_found_and_without_one_the_nearer_end_is_given() -> 
     ends = np.zeros(4), np.ones(4)
     found = find_roots(lambda x: x - np.array([0.0, 1.0, -2.0, 3.0]), *ends)
     assert np.array_equal(found, [0.0, 1.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("pick", [np.minimum, np.maximum])
+@given(count=st.integers(1, 40), behind=st.integers(0, 60), ahead=st.integers(0, 60), seed=st.integers(0, 10**6))
+@few
+def test_extremes_are_those_of_the_window(pick: np.ufunc, count: int, behind: int, ahead: int, seed: int) -> None:
+    values = np.random.default_rng(seed).uniform(-1.0, 1.0, (2, count))
+    values[1, count // 2] = np.inf
+    extreme = np.min if pick is np.minimum else np.max
+    expected = [[extreme(row[max(i - behind, 0) : i + ahead + 1]) for i in range(count)] for row in values]
+    assert np.array_equal(running(pick, values, behind, ahead), expected)

@@ -14,8 +14,7 @@ from hdvplan.driving.drive import simulate
 from hdvplan.road.path import from_curvature
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Unit, Vehicle
-from tests.core.chains import axles, body_points, few, linearised, placed, rates, three_units, vehicles
-from tests.core.differences import STEP, differences
+from tests.core.chains import STEP, axles, body_points, differences, few, linearised, placed, rates, three_units, vehicles
 
 PROFILE_S = np.array([0.0, 10.0, 20.0, 30.0, 45.0, 60.0])
 PROFILE_K = np.array([0.0, 0.0, 0.06, 0.06, -0.04, -0.04])

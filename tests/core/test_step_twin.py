@@ -22,6 +22,7 @@ from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
 from tests.core.chains import three_units, varying_limits
 from tests.core.twins.step import Planned, Step
+from tests.nightly import nightly
 
 VEHICLES = [load_vehicle("bus"), load_vehicle("tractor-trailer"), three_units(), load_vehicle("semitrailer-active")]
 each_vehicle = pytest.mark.parametrize("vehicle", VEHICLES, ids=lambda v: v.name)
@@ -67,9 +68,12 @@ def assert_same(found: Planned, expected: Planned) -> None:
 
 
 @each_vehicle
-@pytest.mark.parametrize("name", LIMITS)
-@pytest.mark.parametrize("scheme", Scheme)
-def test_plans_in_a_window_of_the_drive_are_those_of_shifted_memory(vehicle: Vehicle, name: str, scheme: Scheme) -> None:
+@pytest.mark.parametrize(
+    ("scheme", "name"),
+    [*((Scheme.RTI, name) for name in LIMITS), *((Scheme.SQP, name) for name in ("wide", "too tight")),
+     *(nightly(Scheme.SQP, name) for name in ("regions", "varying"))],
+)  # fmt: skip
+def test_plans_in_a_window_of_the_drive_are_those_of_shifted_memory(vehicle: Vehicle, scheme: Scheme, name: str) -> None:
     settings = PlannerSettings(scheme=scheme, horizon=0.5 * N, replan=5.0, sqp_iterations=8)
     for found, expected in steps(vehicle, LIMITS[name], geometric, settings):
         assert_same(found, expected)

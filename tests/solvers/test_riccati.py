@@ -25,8 +25,7 @@ from hdvplan.solvers.clarabel import ClarabelWorkspace
 from hdvplan.solvers.piqp import PiqpWorkspace
 from hdvplan.solvers.riccati import RiccatiWorkspace, adjoint
 from hdvplan.vehicle.load import load_vehicle
-from tests.core.programs import PARTS, copied, dense, random_program, shape
-from tests.core.spying import Spy
+from tests.core.programs import PARTS, Spy, copied, dense, random_program, shape
 from tests.solvers.test_workspaces import MORE_SIZES, SIZES, shapes
 from tests.solvers.workspaces import optimum
 

@@ -12,8 +12,7 @@ from hdvplan.road.pieces import Kerb, Pieces
 from hdvplan.road.street import Street
 from hdvplan.vehicle.kinematics import POSE, axles_behind, place_many
 from hdvplan.vehicle.model import Unit, Vehicle
-from tests.core.twins.kinematics import rates
-from tests.core.twins.path import evaluate
+from tests.core.twins.kinematics import evaluate, rates
 
 SECTIONS = core.number("HDV_SECTIONS")
 TO_PLAN, TO_JUDGE = 0, 1  # enum hdv_look

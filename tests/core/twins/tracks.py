@@ -4,8 +4,7 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray, Records
 from hdvplan.planning.stations import Stations
-from tests.core.twins.kinematics import body_point
-from tests.core.twins.path import project
+from tests.core.twins.kinematics import body_point, project
 
 TIE, SWING, EDGE, FOOTLESS = 1e-4, 1e-4, 1.0, 0.95
 
