@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdvplan.cli import completion
+from hdvplan.cli import options
 from hdvplan.judging.fit import facts_of
 from hdvplan.legs import load_legs
 from hdvplan.planning.settings import Scheme
@@ -268,12 +268,12 @@ def test_completion_installs_itself(tmp_path: Path) -> None:
 
 
 def test_names_are_those_that_the_commands_know() -> None:
-    assert set(completion.roads("")) > set(SCENARIOS)
-    assert completion.roads("monaco") == ["monaco_fairmont_hairpin"]
-    assert completion.vehicles("") == preset_names()
-    assert completion.listed(completion.vehicles)("bus,tractor-trailer-2") == ["bus,tractor-trailer-24m"]
-    assert completion.listed(completion.roads)("uturn,st") == ["uturn,street_corner", "uturn,sturn"]
-    assert "riccati" in completion.solvers("")
-    assert completion.objectives("axle") == ["axle-max"]
-    assert completion.one_of(list(Scheme))("s") == ["sqp"]
-    assert completion.roads("nowhere") == []
+    assert set(options.offered_roads("")) > set(SCENARIOS)
+    assert options.offered_roads("monaco") == ["monaco_fairmont_hairpin"]
+    assert options.offered_vehicles("") == preset_names()
+    assert options.listed(options.offered_vehicles)("bus,tractor-trailer-2") == ["bus,tractor-trailer-24m"]
+    assert options.listed(options.offered_roads)("uturn,st") == ["uturn,street_corner", "uturn,sturn"]
+    assert "riccati" in options.offered_solvers("")
+    assert options.offered_objectives("axle") == ["axle-max"]
+    assert options.one_of(list(Scheme))("s") == ["sqp"]
+    assert options.offered_roads("nowhere") == []
