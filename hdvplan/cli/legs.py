@@ -63,8 +63,12 @@ def finish(driven: LegsResult, directory: Path, output: Output) -> ExitCode:
     if not output.json and not quiet:
         _print_legs(summary, directory)
     if driven.past:  # the plan is not the first one, along the drawn lines
-        moved = ", ".join(f"{abs(by):.2f} m {'past' if by >= 0.0 else 'short of'} cusp {at}" for at, by in enumerate(driven.past, start=1))
-        note(f"the drawn cusps lack room: planned again, the legs end {moved}", quiet=quiet)
+        told = []
+        for at, (by, leg) in enumerate(zip(driven.past, summary["legs"], strict=False), start=1):
+            aside, turned = abs(leg["off_line_end_m"]), abs(leg["off_line_end_deg"])
+            along = f"{abs(by):.2f} m {'past' if by >= 0.0 else 'short of'}"
+            told.append(f"cusp {at} is {along}, {aside:.2f} m beside and {turned:.0f} degrees off")
+        note(f"the drawn cusps lack room: planned again, {'; '.join(told)} the drawn one", quiet=quiet)
     if driven.fits is not False:
         return ExitCode.OK
     note("no proof is looked for on legs", quiet=quiet)

@@ -5,7 +5,7 @@ DRAWINGS = ("dxf", "gpkg")  # for CAD and GIS
 TURN_DRAWINGS = ("dxf",)  # of what lies nowhere on a map
 
 # Colours of pictures and maps, which colour-blind readers can distinguish, also in print:
-BODY_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")  # Okabe and Ito; they repeat in long chains
+BODY_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#8C564B")  # Okabe and Ito's, and a brown; they repeat
 BREACH = "#C40023"  # never alone: broken limits are thick, marked or written out as well
 INK, MUTED, FAINT = "#1F1F1F", "#6B6B6B", "#E6E6E6"
 BAND = "0.75"  # with the driver's error

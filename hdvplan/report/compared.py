@@ -20,6 +20,7 @@ from hdvplan.report.layers import Drawn, Layer, drawn_features
 from hdvplan.report.maps import around, centre_of, draw_direction, draw_features, draw_overview, finish_map, frame, outline_of, reach_within
 from hdvplan.report.rooms import Window, shown_reach, tightest_windows
 from hdvplan.report.style import SLIDE_IN, legend_above, styled, write_head
+from hdvplan.road.regions import called
 
 _ROAD = (Layer.ROAD, Layer.OBSTACLES, Layer.SWEEPABLE, Layer.LIMITS)
 _NUMBERS = {
@@ -43,7 +44,8 @@ def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
     rows = []
     for result in results:
         verdict = verdict_of(result)
-        part = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}, {verdict.side}"
+        beside = verdict.side if verdict.obstacle is None else called(verdict.obstacle)
+        part = f"{verdict.part} of the {body_name(result.drive.vehicle, verdict.unit)}, {beside}"
         decides = strays_text(verdict) or part
         spare, half = (np.nan, verdict.half_width) if verdict.spare is None else (verdict.spare, np.nan)
         rows.append((result.drive.vehicle.name, verdict.word, verdict.proved, spare, verdict.clearance_wanted, half, verdict.s, decides))

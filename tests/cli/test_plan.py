@@ -257,6 +257,8 @@ def test_several_vehicles_are_compared_and_answered_as_each_by_itself(cli: Cli, 
         alone = json.loads(Path("alone/summary.json").read_text(encoding="utf-8"))["verdict"]
         assert json.loads(Path("both", name, "summary.json").read_text(encoding="utf-8"))["verdict"] == alone
         assert (table["spare_m"][name], table["s_m"][name], table["proved"][name]) == (alone["spare_m"], alone["s_m"], alone["proved"])
+    cli("plan", "parked_van", "--vehicle", "bus,citaro", "--half-width", "6", "--out", "van", "--no-plot")
+    assert pd.read_csv("van/compared.csv")["decides"].str.endswith("the obstacle 'parked van'").all()
     assert Path("both/compared.png").read_bytes().startswith(b"\x89PNG")
 
 

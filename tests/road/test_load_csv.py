@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hdvplan.errors import RoadError
-from hdvplan.road.checks import pointed_at, refuse_outliers, text_of
+from hdvplan.road.checks import going_back, pointed_at, refuse_outliers, text_of
 from hdvplan.road.load import load_road
 from hdvplan.road.load_csv import read_csv
 from hdvplan.road.options import RoadOptions
@@ -180,6 +180,17 @@ def test_an_outlier_is_refused_with_its_place(row: int, first: int) -> None:
     points[row, 1] = 20e3
     with pytest.raises(RoadError, match=f"f: points {first} and {first + 1} are 20 km apart, 4000 times"):
         refuse_outliers(points, None, "f")
+
+
+@pytest.mark.parametrize(("first", "second", "where"), [(7, 8, "2 points, first at line 8"), (1, 2, "2 points, first at line 2")])
+def test_points_in_the_wrong_order_are_told(first: int, second: int, where: str) -> None:
+    points = DENSE.copy()
+    assert going_back(points, tuple(range(1, 21)), "f") == ()
+    points[[first, second]] = points[[second, first]]
+    (note,) = going_back(points, tuple(range(1, 21)), "f")
+    assert note == f"f: the line goes back on itself at {where} of the file: are its points in the right order?"
+    jitter = np.repeat(DENSE, 2, axis=0) + np.tile([[0.1, 0.0], [-0.1, 0.0]], (20, 1))
+    assert going_back(jitter, None, "f") == ()
 
 
 def test_long_straights_between_dense_bends_and_repeated_points_are_no_outliers() -> None:
