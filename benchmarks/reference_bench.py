@@ -12,7 +12,7 @@ from hdvplan.bench.comparing.decision import Pairs, Rule, agreement, decide
 from hdvplan.bench.measuring.courses import with_limits
 from hdvplan.bench.measuring.ranking import load_of, of_group, ranked_times, ranking
 from hdvplan.bench.measuring.referee import accepted
-from hdvplan.bench.suite import CLASSES, KEY, Suite
+from hdvplan.bench.suite import CLASSES, GIVEN, KEY, Suite
 from hdvplan.road.load import load_road
 from hdvplan.vehicle.load import load_vehicle
 
@@ -31,7 +31,7 @@ def limited(told: Told) -> Quantities:
     """Return the least and the most room between a smoothed ``road`` and the limits of every class of a suite for a ``vehicle`` [m]."""
     road, vehicle = load_road(told["road"]), load_vehicle(told["vehicle"])
     found: Quantities = {}
-    for name in CLASSES:
+    for name in (name for name in CLASSES if name != GIVEN):
         limits = with_limits(road, vehicle, Suite(), name).passable
         if limits is not None:
             left, right = limits.table(np.linspace(0.0, road.path.length, 200))[:2]

@@ -56,7 +56,7 @@ def at_a_glance(summary: pd.DataFrame) -> pd.DataFrame:
     order = summary.groupby("solver")["ratio"].median().sort_values(na_position="last").index
     rows: dict[str, dict[str, str]] = {str(solver): {"solver": str(solver)} for solver in order}
     for vehicle in summary["vehicle"].unique():
-        for limits in CLASSES:
+        for limits in dict.fromkeys(summary["limits"]):
             here = summary[(summary["vehicle"] == vehicle) & (summary["limits"] == limits)]
             for solver, ratio, share, whole in here[["solver", "ratio", "success", "whole"]].itertuples(index=False, name=None):
                 rows[str(solver)][f"{vehicle}, {limits}"] = _cell(float(ratio), float(share), whole=bool(whole))

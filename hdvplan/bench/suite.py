@@ -29,11 +29,13 @@ ROADS = (
 )
 AS_SET = "as set"
 _MOST_DRIVES = 100_000  # of one benchmark: weeks, and as many files
+GIVEN = "given"
 CLASSES = {
     "off": "no limits",
     "inactive": "limits beyond what the tightest bend asks for",
     "binding": "the same, with the outer limit of the tightest bend moved inwards",
     "unkeepable": "limits half-way between the vehicle's side and what the tightest bend asks for",
+    GIVEN: "the road's own limits and obstacles, as in `plan`",
 }
 
 
@@ -111,7 +113,7 @@ class Suite:
     )
     classes: Annotated[
         tuple[str, ...],
-        Setting(f"Measure classes of limits side by side: {', '.join(CLASSES)}.", "A,B", listed=True),
+        Setting(f"Measure classes of limits side by side: {', '.join(CLASSES)}: the road's own, that others replace.", "A,B", listed=True),
     ] = ()
     rounds: Annotated[int, Setting("How often every cell is driven.", "N", above=0)] = 3
     accuracy: Annotated[

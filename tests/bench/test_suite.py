@@ -12,7 +12,7 @@ import shapely
 from hdvplan.api import drive_case
 from hdvplan.bench.comparing.work import placed
 from hdvplan.bench.measuring.courses import PINCH_LENGTH_M, PINCH_RAMP_M, cases_of, with_limits
-from hdvplan.bench.suite import Cell, Suite, read_suite, suite_of, visits
+from hdvplan.bench.suite import GIVEN, Cell, Suite, read_suite, suite_of, visits
 from hdvplan.case import Case
 from hdvplan.errors import OptionError, RoadError, SolverError
 from hdvplan.planning.objectives import OBJECTIVES
@@ -132,6 +132,13 @@ def test_limits_beyond_the_half_width_bind_nowhere_however_far_smoothing_moves_t
     assert road.smoothing.max_deviation > 2.0 * SUITE.slack
     drive = drive_case(Case(with_limits(road, BUS, SUITE), BUS))
     assert all(plan.merit is None for plan in drive.plans)
+
+
+def test_a_road_keeps_its_own_limits_and_obstacles_where_these_are_asked_for() -> None:
+    road = load_road("parked_van")
+    assert with_limits(road, BUS, SUITE, GIVEN) is road
+    with pytest.raises(RoadError, match="sturn has no limits of its own"):
+        with_limits(SCENARIOS["sturn"](), BUS, SUITE, GIVEN)
 
 
 def test_without_limits_a_road_loses_its_own() -> None:

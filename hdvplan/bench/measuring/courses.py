@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hdvplan.arrays import FloatArray
-from hdvplan.bench.suite import AS_SET, Suite
+from hdvplan.bench.suite import AS_SET, GIVEN, Suite
 from hdvplan.case import Case
 from hdvplan.centring.stationary import CentringTable
 from hdvplan.errors import RoadError
@@ -50,15 +50,20 @@ def cases_of(suite: Suite) -> list[Case]:
 
 
 def with_limits(road: Road, vehicle: Vehicle, suite: Suite, limits: str = AS_SET) -> Road:
-    """Return ``road`` with the limits that ``suite`` prescribes for ``vehicle``, or those of a class; a road file's own are replaced.
+    """Return ``road`` with the limits that ``suite`` prescribes for ``vehicle``, or those of a class; all but ``GIVEN`` replace its own.
 
     Without a half width they lie beside the smoothed line, which is driven: beside the line as given they would bind where smoothing
     moved it.
 
     Raises:
-        RoadError: the pinch leaves no room between the limits.
+        RoadError: the pinch leaves no room between the limits, or there are no limits of its own.
 
     """
+    if limits == GIVEN:
+        if road.street is None:
+            msg = f"{road.name} has no limits of its own"
+            raise RoadError(msg, hint=f"leave {GIVEN} out of the classes, or give the road file widths or edges")
+        return road
     if not suite.limits or limits == "off":
         return replace(road, limits=None)
     s = np.linspace(0.0, road.path.length, int(np.ceil(road.path.length / _SPACING_M)) + 1)
