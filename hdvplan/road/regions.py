@@ -21,7 +21,7 @@ EDGE = "edge"  # what one without a name is called
 _EDGES = (EDGE, "kerb", "curb")  # words in the names of what is one
 _MEET_M = 1e-3  # ends of drawn pieces this close are one place
 _GRID_M = 1e-5  # to which what is drawn twice is rounded
-_SEEN_M = 0.1  # of an edge from its street: less is where it begins at a kerb
+_SEEN_M = 0.2  # so far apart points of an edge are looked at from its street
 SPUR_M = 0.01  # as thick is a wall that is drawn without any width
 _ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
 
@@ -180,9 +180,12 @@ def seen(edges: list[tuple[FloatArray, str, str]], line: shapely.Geometry) -> li
     beside = shapely.union_all([shapely.buffer(part, OPEN_M, cap_style="flat") for part in shapely.get_parts(line) if part.length])
     room = shapely.get_parts(shapely.difference(beside, shapely.buffer(shapely.union_all(drawn), _MEET_M, cap_style="square")))
     before = shapely.buffer(shapely.union_all(room[shapely.intersects(room, line)]), 2.0 * _MEET_M)
-    length = shapely.length(drawn)
-    behind = shapely.length(shapely.intersection(drawn, before)) < np.minimum(_SEEN_M, 0.5 * length)
-    return [edge for edge, hidden in zip(edges, behind & shapely.covered_by(drawn, beside), strict=True) if not hidden]
+    points, owner = shapely.get_coordinates(shapely.segmentize(drawn, np.minimum(_SEEN_M, 0.5 * shapely.length(drawn))), return_index=True)
+    inner = 1 + np.flatnonzero(owner[2:] == owner[:-2])  # where an edge begins at a kerb, its end is seen
+    shapely.prepare([before, beside])
+    met = owner[inner[shapely.contains_xy(before, points[inner])]]
+    hidden = shapely.covers(beside, drawn) & ~np.isin(np.arange(len(edges)), met)
+    return [edge for edge, behind in zip(edges, hidden, strict=True) if not behind]
 
 
 def joined(edges: list[tuple[FloatArray, str, str]]) -> list[tuple[FloatArray, str, str]]:
