@@ -106,7 +106,7 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
         regions=tuple(regions),
         edges=tuple(edge for edge, _, _ in edges),
         edge_names=tuple(label for _, _, label in edges),
-        notes=(*notes, *unit.notes(name, system), *told, *unread),
+        notes=(*notes, *dict.fromkeys(note for one in drawn for note in one.notes), *unit.notes(name, system), *told, *unread),
         legs=tuple(RawLeg(one, backward) for one, (_, backward) in zip(drawn, legs, strict=False)),
     )
 

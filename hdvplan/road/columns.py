@@ -160,6 +160,11 @@ def unread_note(unread: Sequence[str], name: str) -> tuple[str, ...]:
     return (f"{name}: {several} {', '.join(unread)[:200]} not read{meant}",)
 
 
+def is_width(title: str) -> bool:
+    """Tell whether a name, in one of many languages, is that of a road's width, or of how far it reaches to a side."""
+    return _MEANINGS.get(_named(title)[0]) in {"left", "right", "width"}
+
+
 def _named(title: str) -> tuple[str, str | None]:
     """Return a folded name, and the unit that it says: ``Width_ft`` and ``width [ft]`` are ``width``, ``ft``, as ``kappa [1/ft]`` is."""
     name = folded(title)

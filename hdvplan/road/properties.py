@@ -12,13 +12,13 @@ import numpy as np
 
 from hdvplan.arrays import FloatArray, IntArray
 from hdvplan.errors import RoadError
-from hdvplan.road.columns import folded
+from hdvplan.road.columns import folded, is_width
 from hdvplan.road.features import Feature, Json, is_finite
 from hdvplan.road.legs import BACKWARD, FORWARD, SAME_M, direction_of
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import Corners
 from hdvplan.settings import any_of
-from hdvplan.texts import printable
+from hdvplan.texts import is_number, printable
 
 _WIDTHS = ("left_m", "right_m", "width_m")
 
@@ -33,7 +33,10 @@ def with_properties(points: FloatArray, properties: Json, name: str, *, parts: i
     if parts > 1:
         _refuse_lists(properties, name)
     reaches, notice = _reaches(properties, len(points), name), _notice(properties)
-    return RawRoad(points, reaches, notice=notice, corners=_corners(properties, name), corner_radius=_corner_radius(properties, name))
+    like = [key for key, value in properties.items() if key not in _WIDTHS and is_width(key) and is_number(str(value))]
+    notes = (f"{name}: {', '.join(like)} not read; widths are called left_m and right_m, or width_m, in metres",) if like else ()
+    corners, radius = _corners(properties, name), _corner_radius(properties, name)
+    return RawRoad(points, reaches, notice=notice, corners=corners, corner_radius=radius, notes=notes)
 
 
 def _reaches(properties: Json, count: int, name: str) -> FloatArray | None:

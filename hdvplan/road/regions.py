@@ -180,13 +180,14 @@ def seen(edges: list[tuple[FloatArray, str, str]], line: shapely.Geometry) -> li
     beside = shapely.union_all([shapely.buffer(part, OPEN_M, cap_style="flat") for part in shapely.get_parts(line) if part.length])
     room = shapely.get_parts(shapely.difference(beside, shapely.buffer(shapely.union_all(drawn), _MEET_M, cap_style="square")))
     before = shapely.buffer(shapely.union_all(room[shapely.intersects(room, line)]), 2.0 * _MEET_M)
-    points, owner = shapely.get_coordinates(
-        shapely.segmentize(drawn, np.clip(0.5 * shapely.length(drawn), _MEET_M, _SEEN_M)), return_index=True
-    )
+    length = shapely.length(drawn)
+    long = np.flatnonzero(length > 0.0)
+    fine = shapely.segmentize(np.array(drawn)[long], np.minimum(0.5 * length[long], _SEEN_M))
+    points, owner = shapely.get_coordinates(fine, return_index=True)
     inner = 1 + np.flatnonzero(owner[2:] == owner[:-2])  # where an edge begins at a kerb, its end is seen
     shapely.prepare([before, beside])
-    met = owner[inner[shapely.contains_xy(before, points[inner])]]
-    hidden = shapely.covers(beside, drawn) & ~np.isin(np.arange(len(edges)), met)
+    met = long[owner[inner[shapely.contains_xy(before, points[inner])]]]
+    hidden = (length > 0.0) & shapely.covers(beside, drawn) & ~np.isin(np.arange(len(edges)), met)
     return [edge for edge, behind in zip(edges, hidden, strict=True) if not behind]
 
 

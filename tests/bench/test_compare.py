@@ -506,6 +506,8 @@ def test_a_run_is_held_to_committed_counters_and_renews_them_with_one_command(cl
     assert outcome.code == 0
     assert outcome.out == "fine: no counter changed\n"
     table = pd.read_csv(tmp_path / "counters.csv")
+    table.assign(iterations=table["iterations"] * 1.01).to_csv(tmp_path / "counters.csv", index=False)
+    assert cli(*command).out == "fine: no counter changed by more than 2 %, 4 sums of QPs or iterations by less\n"
     table.assign(qps=table["qps"] + 1).to_csv(tmp_path / "counters.csv", index=False)
     outcome = cli(*command)
     assert outcome.code == 1

@@ -87,6 +87,12 @@ def test_widths_come_from_properties(properties: dict[str, Any], sides: tuple[fl
         np.testing.assert_array_equal(raw.reaches[:, 1], [*sides, *sides])
 
 
+def test_widths_under_other_names_are_told_and_not_taken() -> None:
+    raw = read_geojson(json.dumps(feature(width=3.6, Left="1.8", lanes=2)), "f")
+    assert raw.reaches is None
+    assert raw.notes == ("f: width, Left not read; widths are called left_m and right_m, or width_m, in metres",)
+
+
 def test_an_old_crs_member_is_honoured_and_overridden() -> None:
     line = geometry([[500000.0, 6400000.0], [500100.0, 6400000.0]])
     member = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3006"}}

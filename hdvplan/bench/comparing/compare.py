@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from hdvplan.bench.comparing.counters import WORK_TOLERANCE, Change, Tolerance, broken_in_both, changes_of
+from hdvplan.bench.comparing.counters import WORK, WORK_TOLERANCE, Change, Tolerance, broken_in_both, changes_of
 from hdvplan.bench.comparing.decision import FEWEST, Decision, GateVerdict, Pairs, Rule, decide
 from hdvplan.bench.comparing.quantities import Abouts, Quantity, Values, cut_to, fastest, of_all, of_cell, quantities, step_of
 from hdvplan.bench.comparing.sides import (
@@ -87,6 +87,7 @@ class Comparison:
     elsewhere: bool = False  # the sides were measured on different machines: times do not count
     apart: bool = False  # at different times: nothing proves a slower program
     broken: tuple[Change, ...] = ()  # statuses of cells that are alike not ok on both sides
+    within: int = 0  # sums of QPs or iterations that differ by less than another processor's rounding may make
 
     @property
     def proves(self) -> bool:
@@ -166,8 +167,10 @@ def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame) -> Comparis
     A cell that the baseline does not have is no regression.
     """
     changes = tuple(changes_of(baseline, measured, Tolerance(work=WORK_TOLERANCE)))
+    within = {(one.cell, one.counter) for one in changes_of(baseline, measured, Tolerance()) if one.counter in WORK}
+    within -= {(one.cell, one.counter) for one in changes}
     verdict = GateVerdict.REGRESSED if any(one.is_red(expected=False) for one in changes) else GateVerdict.FINE
-    return Comparison(changes, (), verdict, 1, broken=tuple(broken_in_both(baseline, measured)))
+    return Comparison(changes, (), verdict, 1, broken=tuple(broken_in_both(baseline, measured)), within=len(within))
 
 
 def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Comparison:

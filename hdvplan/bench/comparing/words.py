@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hdvplan.bench.comparing.compare import Comparison, Entry
-from hdvplan.bench.comparing.counters import IN_STEPS, Change
+from hdvplan.bench.comparing.counters import IN_STEPS, WORK_TOLERANCE, Change
 from hdvplan.bench.comparing.decision import FEWEST, FEWEST_PAIRS, GateVerdict, Rule
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.report.grid import grid, markdown_table
@@ -71,7 +71,8 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     unseen = [name for name in _by_name(one for one in comparison.found if one.decision.unseen) if name not in unsure]
     if unseen and comparison.verdict is not GateVerdict.REGRESSED:
         parts.append(f"could not see a change of {', '.join(unseen)}")
-    parts = parts or ["no counter changed"]
+    within = f" by more than {100.0 * WORK_TOLERANCE:g} %, {counted(comparison.within, 'sum')} of QPs or iterations by less"
+    parts = parts or [f"no counter changed{within if comparison.within else ''}"]
     if broken := comparison.broken:
         parts.append(f"not ok on both sides: {cell_words(broken[0].cell)}: {broken[0].new}{_and_more(broken)}")
     return f"{comparison.verdict}: {'; '.join(parts)}"
