@@ -32,8 +32,8 @@ def reproduce(
 ) -> int:
     """Repeat experiments of papers and turns of standards.
 
-    Published numbers are beside ours. Writes NAME.md and NAME.csv (the table), NAME.png (the figure in the paper's layout) and
-    NAME-data.csv and NAME-run.json (what was driven, with which versions, on which machine) for every study, and a summary of all. Where
+    Published numbers are beside ours. Writes NAME.md and NAME.csv (the table), NAME.png (the figure in the paper's layout), NAME-data.csv
+    and NAME-run.json (what was driven, with which versions, on which machine) for every study, and a summary of all that are in DIR. Where
     published numbers and ours differ by more than the reading error, a remark says why, or that it is not explained.
     """
     chosen = NAMES if choice("NAME", name, [*NAMES, _ALL]) == _ALL else (name,)
@@ -69,20 +69,20 @@ def _run(names: Sequence[str], out: Path, on_progress: Progress, *, quiet: bool)
             write_record(out, studies[-1].cases, name)
             note(f"wrote {out / name}.md, .csv, .png, -data.csv and -run.json", quiet=quiet or len(names) == 1)
             done += part
-        if len(studies) > 1:
-            write_summary(studies, out)
+        write_summary(out)
     return studies
 
 
 def _print(studies: list[Study], out: Path) -> None:
     from hdvplan.report.grid import grid
-    from hdvplan.reproduce.study import counted, every_row, shown, summary_of
+    from hdvplan.reproduce.study import counted, shown, summary_of
 
     several = len(studies) > 1
-    table = shown(summary_of(studies) if several else studies[0].table())
+    found = summary_of({study.name: study.table() for study in studies}) if several else studies[0].table()
+    table = shown(found)
     title = "published and reproduced" if several else f"{studies[0].title} ({studies[0].source})"
     table["quantity"] += [f" [{unit}]" if unit else "" for unit in table["unit"]]
     columns = [*(["study"] if several else []), "quantity", "published", "ours", "difference", "status"]
     rows = table[columns].itertuples(index=False, name=None)
-    caption = f"{counted(every_row(studies))}; written to {out}/; {'NAME' if several else studies[0].name}.md has the remarks"
+    caption = f"{counted(found)}; written to {out}/; {'NAME' if several else studies[0].name}.md has the remarks"
     print_tables(grid(title, columns, rows, text=("study", "quantity", "status"), caption=caption))

@@ -40,10 +40,10 @@ def bus_uturn(on_progress: Progress) -> Study:
     on_progress(0.2)
     expected = proposed.expected.half_width
     rows = [
-        Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, previous.balance.max_right, headline=True),
-        Row("previous method, max left", "m", published.UTURN_PREVIOUS_LEFT, previous.balance.max_left, headline=True),
-        Row("proposed method, max right", "m", published.UTURN_PROPOSED_RIGHT, proposed.balance.max_right, headline=True),
-        Row("proposed method, max left", "m", published.UTURN_PROPOSED_LEFT, proposed.balance.max_left, headline=True),
+        Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, previous.balance.max_right),
+        Row("previous method, max left", "m", published.UTURN_PREVIOUS_LEFT, previous.balance.max_left),
+        Row("proposed method, max right", "m", published.UTURN_PROPOSED_RIGHT, proposed.balance.max_right),
+        Row("proposed method, max left", "m", published.UTURN_PROPOSED_LEFT, proposed.balance.max_left),
     ]
 
     def again(curvature: float) -> list[float]:
@@ -109,8 +109,8 @@ def overhang(on_progress: Progress) -> Study:
         beyond = np.maximum(one.envelope.reach_left - half, 0.0) + np.maximum(-one.envelope.reach_right - half, 0.0)  # both sides [m]
         furthest = one.balance.half_width - half
         area = float(np.trapezoid(beyond, one.envelope.s))
-        rows.append(Row(f"furthest outside, {WORDS[number]}", "m", published.OVERHANG_M[number], furthest, _ORDER, headline=True))
-        rows.append(Row(f"area outside, {WORDS[number]}", "m^2", published.OVERHANG_AREA_M2[number], area, _ORDER, headline=True))
+        rows.append(Row(f"furthest outside, {WORDS[number]}", "m", published.OVERHANG_M[number], furthest, _ORDER))
+        rows.append(Row(f"area outside, {WORDS[number]}", "m^2", published.OVERHANG_AREA_M2[number], area, _ORDER))
         columns |= {
             "s": found[0].envelope.s,
             f"left_{number + 1}": one.envelope.reach_left,
@@ -121,7 +121,7 @@ def overhang(on_progress: Progress) -> Study:
     touching = swept(Case(uturn(), bus, "lead-axle"))
     on_progress(1.0)
     kept = touching.balance.min_clearance
-    rows.append(Row("kept from a hard limit", "m", published.KEPT_FROM_LIMIT, np.nan if kept is None else kept, _KEPT, headline=True))
+    rows.append(Row("kept from a hard limit", "m", published.KEPT_FROM_LIMIT, np.nan if kept is None else kept, _KEPT))
     return Study(
         "overhang",
         "Overhangs outside the lane",

@@ -139,8 +139,8 @@ def _reach_rows(planned: dict[str, Result], free: Result) -> list[Row]:
     vehicle, rows = free.case.vehicle, []
     for name, found in planned.items():
         theirs, (left, right, area) = published.OBJECTIVES[name], _sides(found)
-        rows.append(Row(f"{name} ({WORDS[name]}), max left", "m", theirs.left, left, headline=True))
-        rows.append(Row(f"{name}, max right", "m", theirs.right, right, headline=True))
+        rows.append(Row(f"{name} ({WORDS[name]}), max left", "m", theirs.left, left))
+        rows.append(Row(f"{name}, max right", "m", theirs.right, right))
         rows.append(Row(f"{name}, aL - aR", "m^2", theirs.area, area, _AREA.get(name, "")))
 
     def again(ramp: float, names: Sequence[str]) -> list[float]:
@@ -161,9 +161,9 @@ def _time_rows(coarse: dict[str, float], fine: dict[str, float]) -> list[Row]:
     rows = []
     for name in OBJECTIVES:
         theirs = published.OBJECTIVES[name].time
-        rows.append(Row(f"{name}, time at 0.1 m", "s", theirs, fine[name], _LAPTOP, headline=name == "J5"))
+        rows.append(Row(f"{name}, time at 0.1 m", "s", theirs, fine[name], _LAPTOP))
         rows.append(Row(f"{name}, time at 0.5 m", "s", None, coarse[name]))
-    rows.append(Row("J5, times faster at 0.1 m", "", None, published.OBJECTIVES["J5"].time.value / fine["J5"], headline=True))
+    rows.append(Row("J5, times faster at 0.1 m", "", None, published.OBJECTIVES["J5"].time.value / fine["J5"]))
     return rows
 
 
@@ -172,8 +172,8 @@ def _search_rows(searches: list[Search]) -> list[Row]:
     for found in searches:
         name, theirs = found.vehicle, published.SEARCHED[found.vehicle]
         rows += [
-            Row(f"{name}: K by search", "", theirs, found.best, headline=True),
-            Row(f"{name}: K geometric", "", theirs, found.geometric, headline=True),
+            Row(f"{name}: K by search", "", theirs, found.best),
+            Row(f"{name}: K geometric", "", theirs, found.geometric),
             Row(f"{name}: time, search", "s", None, found.searching, f"{len(SHARES)} values of K on {len(CURVATURES)} U-turns"),
             Row(f"{name}: time, geometric", "s", None, found.solving, "one root search"),
             Row(f"{name}: time, table", "s", None, found.reading, "the geometric K as planning reads it"),

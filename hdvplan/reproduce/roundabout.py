@@ -65,13 +65,13 @@ def _rows(planned: Result, believed: Result, curves: dict[str, FloatArray]) -> t
     found, drive = deviations(planned, curves), planned.drive
     middle = int(np.mean(CONSTANT_M) / drive.settings.step)
     rows = [
-        Row("max left", "m", published.ROUNDABOUT_LEFT, planned.balance.max_left, _SIMULATED, headline=True),
-        Row("max right", "m", published.ROUNDABOUT_RIGHT, planned.balance.max_right, _SAMPLED, headline=True),
+        Row("max left", "m", published.ROUNDABOUT_LEFT, planned.balance.max_left, _SIMULATED),
+        Row("max right", "m", published.ROUNDABOUT_RIGHT, planned.balance.max_right, _SAMPLED),
         Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, believed.balance.max_left, counted=False),
         Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, believed.balance.max_right, _SAMPLED, counted=False),
         Row("expected half width", "m", published.ROUNDABOUT_EXPECTED, float(planned.expected.half_width.max())),
-        Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle]), headline=True),
-        Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2]), headline=True),
+        Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle])),
+        Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2])),
     ]
     for name, words, unit in (("kappa", "curvature", "1/m"), ("beta", "articulation", "rad")):
         s, off = found[name]

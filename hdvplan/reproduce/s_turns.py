@@ -83,7 +83,7 @@ def _rows(data: pd.DataFrame) -> tuple[Row, ...]:
         signed = 100.0 * (part["fixed_sum"].abs() - part["varying_sum"].abs()) / part["fixed_sum"].abs()
         skipped = int((data["vehicle"] == name).sum()) - len(part)
         rows += [
-            Row(f"{name}: gain in absolute D, most", "%", theirs, float(best["improvement"]), where, headline=True),
+            Row(f"{name}: gain in absolute D, most", "%", theirs, float(best["improvement"]), where),
             Row(f"{name}: gain in absolute D, mean", "%", None, float(part["improvement"].mean()), f"of {len(part)} roads"),
             Row(f"{name}: gain in signed D, median", "%", None, float(signed.median()), _SIGNED),
             Row(

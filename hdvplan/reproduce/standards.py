@@ -80,14 +80,14 @@ def _aashto(turns: dict[str, Turn]) -> list[Row]:
         figures = found.figures
         inside = published.TURN_INSIDE.get(name)
         remark = _PRINTED.get(name, "") if inside else _RECALLED
-        rows.append(Row(f"{name}: inside radius", "m", inside, figures.wheels.inside, remark, headline=inside is not None))
+        rows.append(Row(f"{name}: inside radius", "m", inside, figures.wheels.inside, remark))
         if name in published.TURN_OUTSIDE:
             rows.append(_outside(name, found))
         if name in published.TURN_OVERHANG:
             rows.append(Row(f"{name}: outside radius, front overhang", "m", published.TURN_OVERHANG[name], figures.bodies.outside, _CORNER))
         if name in published.TURN_ARTICULATION:
             angle, remark = float(np.rad2deg(figures.articulation[0])), _ANGLE if name == "WB-67" else ""
-            rows.append(Row(f"{name}: articulation", "deg", published.TURN_ARTICULATION[name], angle, remark, headline=True))
+            rows.append(Row(f"{name}: articulation", "deg", published.TURN_ARTICULATION[name], angle, remark))
         if name in published.TURN_STEERING:
             settled = float(np.rad2deg(np.arctan(found.driven.vehicle.max_curvature * found.driven.vehicle.lead.wheelbase)))
             steering, remark = float(np.rad2deg(figures.steering)), f"at the end of the half turn; the settled circle has {settled:.1f}"
@@ -124,7 +124,7 @@ def _europe(circles: dict[str, Turn | TurnError]) -> list[Row]:
         closed = np.sqrt((_OUTER_M - _CORNER_M) ** 2 - (_INNER_M + 0.5 * width) ** 2)
         remark = f"{_CLOSED} sqrt((12.50 - 2.04)^2 - (5.30 + width / 2)^2) = {closed:.4f}"
         name = f"EU: deemed wheelbase, {width:.2f} m wide"
-        rows.append(Row(name, "m", None, deemed_wheelbase(width), remark, headline=True))
+        rows.append(Row(name, "m", None, deemed_wheelbase(width), remark))
     for name, found in circles.items():
         if isinstance(found, TurnError):
             least = np.nan if found.least_radius_m is None else found.least_radius_m
@@ -142,7 +142,7 @@ def _tail_swing() -> list[Row]:
         rigid = Vehicle("rigid", (Unit(wheelbase, 1.2, overhang, 2.5),), max_curvature=0.2)
         swing = turn(rigid, template).figures.tail_swing[0]
         words = f"PBS tail swing, overhang {overhang:g} m"
-        rows.append(Row(words, "m", published.TAIL_SWING[overhang], swing, f"{_WHEELBASE} {wheelbase:g} m", headline=True))
+        rows.append(Row(words, "m", published.TAIL_SWING[overhang], swing, f"{_WHEELBASE} {wheelbase:g} m"))
     return rows
 
 

@@ -20,6 +20,7 @@ from hdvplan.planning.objectives import Objective
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.report.grid import markdown_table
 from hdvplan.report.style import figure_bytes
+from hdvplan.reproduce import STUDIES
 from hdvplan.reproduce.published import Number
 from hdvplan.road.road import Road
 
@@ -34,8 +35,8 @@ NOT_EXPLAINED = "not explained"  # in a remark
 class Row:
     """A quantity as published and as found here; ``published`` is None where the papers give no number.
 
-    ``remark`` says why the two differ by more than the published number can be read, or that it is not explained; ``headline`` rows enter
-    the summary. ``counted`` is not for what tells more of a number that has a row of its own, or compares curves.
+    ``remark`` says why the two differ by more than the published number can be read, or that it is not explained.
+    ``counted`` is not for what tells more of a number that has a row of its own, or compares curves.
     """
 
     quantity: str
@@ -43,7 +44,6 @@ class Row:
     published: Number | None
     ours: float
     remark: str = ""
-    headline: bool = False
     counted: bool = True
 
     @property
@@ -83,12 +83,6 @@ class Study:
         return table
 
 
-def every_row(studies: Sequence[Study]) -> pd.DataFrame:
-    """Return the rows of several studies under each other, named by their study."""
-    table = pd.concat([study.table().assign(study=study.name) for study in studies], ignore_index=True)
-    return table[["study", *(column for column in table.columns if column != "study")]]
-
-
 def best_fit(rows: Sequence[Row], again: Callable[[float], Sequence[float]], bounds: tuple[float, float]) -> float:
     """Return the value of a parameter that is not published, the same for all rows, with which published numbers are met best.
 
@@ -113,9 +107,11 @@ def explained(rows: Sequence[Row], again: Sequence[float], words: str) -> list[R
     ]
 
 
-def summary_of(studies: Sequence[Study]) -> pd.DataFrame:
-    """Return the headline rows of ``every_row``."""
-    return every_row(studies)[[row.headline for study in studies for row in study.rows]].reset_index(drop=True)
+def summary_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return the published numbers of several studies' tables under each other, named by their study."""
+    every = pd.concat([table.assign(study=name) for name, table in tables.items()], ignore_index=True)
+    every = every[["study", *(column for column in every.columns if column != "study")]]
+    return every[every["status"] != ""].reset_index(drop=True)
 
 
 def counted(table: pd.DataFrame) -> str:
@@ -157,13 +153,16 @@ def write_study(study: Study, directory: Path) -> None:
     write_atomically(directory / f"{study.name}-data.csv", csv_bytes(study.data))
 
 
-def write_summary(studies: Sequence[Study], directory: Path) -> None:
-    """Write the headline rows of several studies as ``summary.md`` and ``summary.csv``."""
-    table, every = summary_of(studies), every_row(studies)
-    text = markdown_table(shown(table), text=WORDS)
-    told = f"{counted(every)}. Below are {sum(table['status'] != '')} of them that say most; each study's own table has all."
-    write_atomically(directory / "summary.md", f"# Published and reproduced\n\n{told}\n\n{text}\n".encode())
-    write_atomically(directory / "summary.csv", csv_bytes(table))
+def write_summary(directory: Path) -> None:
+    """Write the published numbers of all studies that ``directory`` holds as ``summary.md`` and ``summary.csv``, if these are several."""
+    files = {name: directory / f"{name}.csv" for name in STUDIES}
+    tables = {name: pd.read_csv(path).fillna(dict.fromkeys(WORDS, "")) for name, path in files.items() if path.is_file()}
+    if len(tables) > 1:
+        table = summary_of(tables)
+        told = f"{counted(table)}. Each study's own table has more rows."
+        text = markdown_table(shown(table), text=WORDS)
+        write_atomically(directory / "summary.md", f"# Published and reproduced\n\n{told}\n\n{text}\n".encode())
+        write_atomically(directory / "summary.csv", csv_bytes(table))
 
 
 def swept(case: Case, objective: Objective | None = None) -> Result:

@@ -18,10 +18,10 @@ def made_up(name: str, *rows: Row) -> Study:
 
 
 ROWS = (
-    Row("reach", "m", Number(2.0, 0.01), 2.005, headline=True),
+    Row("reach", "m", Number(2.0, 0.01), 2.005),
     Row("width", "m", Number(2.0, 0.01), 2.5, "another road"),
     Row("count", "", None, 3.0),
-    Row("height", "m", Number(2.0, 0.01), 2.5, "not explained: neither road gives it", headline=True),
+    Row("height", "m", Number(2.0, 0.01), 2.5, "not explained: neither road gives it"),
     Row("depth", "m", Number(2.0, 0.01), 2.5),
 )
 
@@ -73,23 +73,31 @@ def test_numbers_are_shown_with_the_digits_that_matter(value: float, text: str) 
     assert shown(made_up("one", Row("x", "", None, value)).table())["ours"][0] == text
 
 
-def test_a_summary_holds_the_headlines_of_all_studies() -> None:
-    summary = summary_of([made_up("one", *ROWS), made_up("two", ROWS[0])])
-    assert list(zip(summary["study"], summary["quantity"], strict=True)) == [("one", "reach"), ("one", "height"), ("two", "reach")]
+def test_a_summary_holds_the_published_numbers_of_all_studies() -> None:
+    summary = summary_of({"one": made_up("one", *ROWS).table(), "two": made_up("two", ROWS[0]).table()})
+    names = [("one", "reach"), ("one", "width"), ("one", "height"), ("one", "depth"), ("two", "reach")]
+    assert list(zip(summary["study"], summary["quantity"], strict=True)) == names
 
 
 def test_a_study_is_written_as_table_figure_and_data(tmp_path: Path) -> None:
-    study = made_up("one", *ROWS)
-    write_study(study, tmp_path / "new")
-    write_summary([study], tmp_path / "new")
-    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == [
-        "one-data.csv", "one.csv", "one.md", "one.png", "summary.csv", "summary.md",
-    ]  # fmt: skip
-    assert pd.read_csv(tmp_path / "new" / "one.csv")["ours"].tolist() == [2.005, 2.5, 3.0, 2.5, 2.5]
-    assert (tmp_path / "new" / "one.png").read_bytes().startswith(b"\x89PNG")
-    assert "another road" in (tmp_path / "new" / "one.md").read_text(encoding="utf-8")
-    told = (tmp_path / "new" / "summary.md").read_text(encoding="utf-8")
-    assert "1 reproduced, 1 explained, 2 open of 4 published numbers. Below are 2 of them" in told  # all rows count, not the headlines
+    study, new = made_up("bus-uturn", *ROWS), tmp_path / "new"
+    write_study(study, new)
+    write_summary(new)
+    assert sorted(path.name for path in new.iterdir()) == [f"bus-uturn{end}" for end in ("-data.csv", ".csv", ".md", ".png")]
+    assert pd.read_csv(new / "bus-uturn.csv")["ours"].tolist() == [2.005, 2.5, 3.0, 2.5, 2.5]
+    assert (new / "bus-uturn.png").read_bytes().startswith(b"\x89PNG")
+    assert "another road" in (new / "bus-uturn.md").read_text(encoding="utf-8")
+
+
+def test_a_study_that_joins_others_in_a_folder_renews_their_summary(tmp_path: Path) -> None:
+    for name in ("overhang", "bus-uturn"):
+        write_study(made_up(name, *ROWS), tmp_path)
+    write_summary(tmp_path)
+    told = (tmp_path / "summary.md").read_text(encoding="utf-8")
+    assert "2 reproduced, 2 explained, 4 open of 8 published numbers." in told
+    rows = pd.read_csv(tmp_path / "summary.csv", keep_default_na=False)
+    assert rows["study"].tolist() == ["bus-uturn"] * 4 + ["overhang"] * 4
+    assert rows["remark"].tolist()[:2] == ["", "another road"]
 
 
 def pipes(study: Study) -> set[int]:
