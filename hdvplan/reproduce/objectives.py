@@ -89,8 +89,8 @@ def objectives(on_progress: Progress) -> Study:
         "Five objectives in a U-turn, and the search for K",
         f"{published.ART} table 2, figs. 4-5",
         "Curvature 0.065 1/m over 134.2 m, planned in one horizon to convergence, no limits; envelopes at 0.5 m steps, measured on the "
-        "exact simulation. J4 and J5 keep the largest reach over the horizon small, as we read the max-norm: "
-        "every station's own, summed, reaches as far to both sides, too. Ramps are not published (ours: 1 m). Times are of one whole plan.",
+        "exact simulation. J4 and J5 keep the largest reach over the horizon small, as we read the max-norm. "
+        "Ramps are not published (ours: 1 m). Times are of one whole plan.",
         (*(found.case for found in (*planned.values(), *finer.values(), free)), *(case for found in searches for case in found.cases)),
         (*_reach_rows(planned, free), *_time_rows(coarse, fine), *_search_rows(searches)),
         sides_of(planned),
