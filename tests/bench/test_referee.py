@@ -401,8 +401,12 @@ def test_a_memory_that_another_run_has_filled_is_told_by_programs_that_nobody_ca
 
 
 @pytest.mark.parametrize("who", CARELESS, ids=lambda who: who if isinstance(who, str) else who.__name__)
-def test_no_careless_or_dishonest_solver_is_ranked_and_its_row_says_why(bench: Measured, who: type[Careless] | Fault) -> None:
+def test_no_careless_or_dishonest_solver_is_ranked_and_its_row_says_why(
+    bench: Measured, who: type[Careless] | Fault, monkeypatch: pytest.MonkeyPatch
+) -> None:
     status, words = CARELESS[who]
+    if status != "unfair":  # on a busy machine one that has threads waits, too
+        monkeypatch.setattr("hdvplan.bench.measuring.referee._WAITS", np.inf)
     tables = bench(Fake(who, honest=8 if who in LATER else 0) if isinstance(who, str) else who)
     row = tables.timing.set_index("solver").loc["piqp"]
     assert (row["status"], words in row["message"]) == (status, True), row["message"]
