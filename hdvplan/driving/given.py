@@ -148,8 +148,9 @@ def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = N
     couplings = [f"beta{number}" for number in range(1, len(vehicle.units))]
     steered = [f"steering{number}" for number in range(1, len(vehicle.active) + 1)]
     if path.suffix.lower() in _LINES and path.is_file():
-        columns, unread, lines = _line_in(path), list[str](), list[int]()
+        (columns, told), unread, lines = _line_in(path), list[str](), list[int]()
     else:
+        told = ()
         columns, unread, lines = read_columns(path, ("x", "y"), "path", ("heading", *couplings, *steered), instead=("lon", "lat"))
 
     if set(unread) >= _OF_LINE:
@@ -168,7 +169,7 @@ def read_given_path(path: Path, vehicle: Vehicle, to_lonlat: ToLonLat | None = N
         f"{f'line {lines[row]}' if lines else f'point {row + 1}'} of {path.name} ({across} {x:.9g}, {up} {y:.9g})"
         for row, (x, y) in enumerate(places)
     )
-    heading, notes = columns.get("heading"), unread_note(unread, path.name)
+    heading, notes = columns.get("heading"), (*told, *unread_note(unread, path.name))
     if "lon" not in columns:
         points, theirs = np.column_stack([columns["x"], columns["y"]]), _plane_beside(path)
         if theirs is not None and to_lonlat is not None and theirs != to_lonlat.plane:
@@ -216,8 +217,8 @@ def _brought(into: IntoPlane, points: FloatArray, heading: FloatArray | None) ->
     return there, turned + 2.0 * np.pi * np.round((heading - turned) / (2.0 * np.pi))
 
 
-def _line_in(path: Path) -> dict[str, FloatArray]:
-    """Return the columns lon, lat [deg] of the line in a file that a road may be read from, or x, y [m] where that knows no degrees.
+def _line_in(path: Path) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Return the columns lon, lat [deg] of the line in a file that a road may be read from, or x, y [m] where that has none, and notes.
 
     Raises:
         RoadError: no such line, or more than one.
@@ -229,4 +230,5 @@ def _line_in(path: Path) -> dict[str, FloatArray]:
         raise RoadError(str(error), hint="keep in the file the one line that is driven, or give columns x, y or lon, lat") from error
     assert line is not None  # noqa: S101 - for the type checker: of a file there is one
     raw, (x, y) = line.raw, line.raw.points.T
-    return {"x": x, "y": y} if raw.to_lonlat is None else dict(zip(("lon", "lat"), raw.to_lonlat(x, y), strict=True))
+    columns = {"x": x, "y": y} if raw.to_lonlat is None else dict(zip(("lon", "lat"), raw.to_lonlat(x, y), strict=True))
+    return columns, raw.notes

@@ -23,6 +23,7 @@ from hdvplan.road.regions import EDGE, Kind, Region, is_island, joined, seen, sn
 from hdvplan.texts import counted, printable, some_of
 
 _SNAP_M = 0.01
+_PAUSE_M = 25.0  # most of a track
 _LISTED = 20  # lines that a question names
 _UNREAD = 8  # layers that a note names
 _LONGEST = 100  # letters of each
@@ -113,7 +114,9 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
 
 def _drawn(line: _Line, parts: list[FloatArray], name: str) -> RawRoad:
     """Return a line with what its own properties say; ``parts`` are its own in the plane."""
-    return with_properties(_joined(parts, name, directed=line.directed), line.feature.properties, name, parts=len(parts))
+    points, notes = _joined(parts, name, directed=line.directed)
+    raw = with_properties(points, line.feature.properties, name, parts=len(parts))
+    return replace(raw, notes=(*raw.notes, *notes))
 
 
 def _walls(features: list[Feature], beside: Beside, name: str) -> tuple[list[Region], list[str]]:
@@ -255,11 +258,16 @@ def _listed(lines: list[_Line]) -> str:
     return some_of(names, _LISTED)
 
 
-def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray:
-    """Return one line from parts that join end to start, in their own direction, or else the first one's; whatever their order."""
-    in_order = all(np.hypot(*(after[0] - before[-1])) <= _SNAP_M for before, after in pairwise(parts))
-    if in_order:
-        return np.concatenate(parts)
+def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return one line from parts that join end to start, in their own direction, or else the first one's, whatever their order; and notes.
+
+    Over pauses, as loggers make them, no longer than a step of the parts, a line goes on.
+    """
+    gap = max((float(np.hypot(*(after[0] - before[-1]))) for before, after in pairwise(parts)), default=0.0)
+    if gap <= _SNAP_M:
+        return np.concatenate(parts), ()
+    if directed and gap <= min(_PAUSE_M, *(float(np.max(np.hypot(*np.diff(part, axis=0).T))) for part in parts)):
+        return np.concatenate(parts), (f"{name}: the line's {len(parts)} parts are taken as one, over gaps of up to {gap:.1f} m",)
     if len(parts) > _MOST_PARTS:
         msg = f"{name}: the line has {len(parts)} parts out of order; at most {_MOST_PARTS} are joined"
         raise RoadError(msg, hint="is it a network? give its lines as features of their own, and choose one with --id")
@@ -267,7 +275,7 @@ def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> FloatArray
     merged = shapely.line_merge(shapely.MultiLineString(parts), directed=directed)
     if isinstance(merged, shapely.LineString):
         start, end = (merged.project(shapely.Point(parts[0][row])) for row in (0, -1))
-        return np.asarray(merged.coords if directed or start < end else merged.reverse().coords, dtype=float)
+        return np.asarray(merged.coords if directed or start < end else merged.reverse().coords, dtype=float), ()
     pieces = [np.asarray(piece.coords, dtype=float) for piece in merged.geoms]
     starts = np.array([piece[0] for piece in pieces])
     gaps = [float(np.min(np.delete(np.hypot(*(starts - piece[-1]).T), i))) for i, piece in enumerate(pieces)]

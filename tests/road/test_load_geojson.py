@@ -65,6 +65,16 @@ def test_parts_are_joined_in_their_direction_whatever_their_order() -> None:
         np.testing.assert_allclose(distinct, whole, atol=1e-9)
 
 
+def test_a_track_goes_on_over_a_pause_no_longer_than_its_steps_and_that_is_told() -> None:
+    parts = [[[11.97, 57.70], [11.9702, 57.70]], [[11.9703, 57.70], [11.9705, 57.70]]]  # steps of 12 m, 6 m apart
+    raw = read_geojson(json.dumps(geometry(parts, "MultiLineString")), "f")
+    assert len(raw.points) == 4
+    assert raw.notes == ("f: the line's 2 parts are taken as one, over gaps of up to 6.0 m",)
+    parts[1][0][0] = 11.9704  # no step is 12 m beyond it
+    with pytest.raises(RoadError, match="do not join"):
+        read_geojson(json.dumps(geometry(parts, "MultiLineString")), "f")
+
+
 def test_parts_that_do_not_join_list_their_gaps() -> None:
     # 0.001 degrees of longitude at 57.7 degrees north are 59.6 m
     parts = [[[11.97, 57.70], [11.971, 57.70]], [[11.972, 57.70], [11.973, 57.70]]]
