@@ -123,7 +123,8 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
     for part in _runs(left_out, ring=ring):
         inside = part[beside[part]]
         if len(part) > 1 and len(inside) and (path.closed or (np.min(s[part]) < path.length + BEYOND_M and np.max(s[part]) > -BEYOND_M)):
-            along = part if _leads_on(s[inside], offset[inside]) else part[::-1]
+            told = inside if len(inside) > 1 else part
+            along = part if _leads_on(s[told], offset[told]) else part[::-1]
             lap = path.length * np.floor(s[along[0]] / path.length) if path.closed else 0.0
             found.append(Kerb(points[along], rising(s[along], offset[along]) - lap, bool(offset[inside[0]] > 0.0)))
     return found, notes

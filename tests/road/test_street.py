@@ -444,6 +444,17 @@ def test_kerbs_of_a_side_street_are_joined_at_its_mouth_and_at_its_end_however_t
     assert [note.split(" m ")[0] for note in notes[:2]] == ["no edge on the left for 8.1", "no edge on the left for 7.0"]
 
 
+@pytest.mark.parametrize("turned", [1, -1])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_piece_that_ends_just_within_the_road_is_a_kerb_however_it_is_drawn(turned: int, way: float) -> None:
+    """One of its points lay beside the road: drawn backwards it had the street on its other side, and 5 m were lacking."""
+    ends = np.array([(-5.0, 99.0), (99.5, 108.0)]) if way > 0.0 else np.array([(1.0, 105.0), (-8.0, 0.5)])
+    right = [np.array([[begin, -2.0], [end, -2.0]])[::step] for (begin, end), step in zip(ends, (1, turned), strict=True)]
+    kerbs, *_ = drawn_kerbs(arc(0.0, 100.0), (np.array([[-5.0, 3.0], [105.0, 3.0]]), *right))
+    (kerb,) = (kerb for kerb in kerbs if not kerb.left)
+    assert np.all(np.diff(kerb.points[:, 0]) >= 0.0)
+
+
 def test_a_kerb_goes_on_from_the_one_before_it_and_not_from_a_lay_by() -> None:
     pieces = [[-5.0, 4.0], [50.0, 4.0]], [[30.0, 2.5], [45.0, 2.5]], [[50.0, 4.0], [105.0, 4.0]]
     _, bridges, _ = drawn_kerbs(arc(0.0, 100.0), (*map(np.array, pieces), np.array([[-5.0, -2.0], [105.0, -2.0]])))
