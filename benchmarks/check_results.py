@@ -36,10 +36,10 @@ def why_stale(folder: Path, areas: Sequence[str], *, times: bool, moved: datetim
 
     ``areas`` are those of behaviour that it rests on; ``moved`` is when a change moved what it holds and raised no integer.
     """
-    parts = {path.parent.name: path for path in sorted(folder.glob("*/run.json"))}
-    parts |= {path.name.removesuffix("-run.json"): path for path in sorted(folder.glob("*-run.json"))}
     if (folder / "run.json").exists():
         return _stale(folder / "run.json", areas, times=times, moved=moved)
+    parts = {path.parent.name: path for path in sorted(folder.glob("*/run.json"))}
+    parts |= {path.name.removesuffix("-run.json"): path for path in sorted(folder.glob("*-run.json"))}
     found = ((name, _stale(path, areas, times=times, moved=moved)) for name, path in parts.items())
     return next((f"{name}: {reason}" for name, reason in found if reason), None) if parts else "it has no run.json"
 

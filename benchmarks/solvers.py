@@ -56,7 +56,7 @@ def at_a_glance(summary: pd.DataFrame) -> pd.DataFrame:
     order = summary.groupby("solver")["ratio"].median().sort_values(na_position="last").index
     rows: dict[str, dict[str, str]] = {str(solver): {"solver": str(solver)} for solver in order}
     for vehicle in summary["vehicle"].unique():
-        for limits in dict.fromkeys(summary["limits"]):
+        for limits in CLASSES:
             here = summary[(summary["vehicle"] == vehicle) & (summary["limits"] == limits)]
             for solver, ratio, share, whole in here[["solver", "ratio", "success", "whole"]].itertuples(index=False, name=None):
                 rows[str(solver)][f"{vehicle}, {limits}"] = _cell(float(ratio), float(share), whole=bool(whole))
@@ -79,7 +79,7 @@ def page(out: Path, absent: list[str]) -> str:
         f"the same for all, half of them where limits bind. Processor time, each QP with the faster of {suite.rounds} rounds, shifted "
         "geometric mean. In brackets: share of QPs accepted, where it is not all of them; the factor is over the accepted ones. "
         f"*: stopped after {suite.budget:g} s a drive, and compared over what it reached. Limits: "
-        + "; ".join(f"{name}: {words}" for name, words in CLASSES.items())
+        + "; ".join(f"{name}: {words}" for name, words in CLASSES.items() if name in suite.classes)
         + "."
     ]
     for regime, (title, _) in REGIMES.items():

@@ -31,7 +31,7 @@ _RATIO = 1000.0  # of a step to the median of those around it
 _SHORTEST_M = 1000.0  # a long straight may well have one step of hundreds of metres between dense bends
 _SAME_M = 0.02  # points this close repeat their neighbour
 _BLAME_M, _CUT_SHARE = 20.0, 0.05  # around the place of a refusal, and of what lies before: smoothing has cut corners there
-_BACK = -np.cos(np.deg2rad(30.0))  # cosine of a turn that no road makes at a point
+BACK = -np.cos(np.deg2rad(30.0))  # cosine of a turn at a point that is a mistake, or a drive back
 _STEP_M = 0.5  # shorter ones jitter
 _AROUND = 3  # steps looked at before and after
 SPARSE_M = 1000.0  # between the points of a long line, on average: a small file makes no road of a thousand kilometres
@@ -162,7 +162,7 @@ def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str
 def going_back(points: FloatArray, lines: tuple[int, ...] | None, name: str) -> tuple[str, ...]:
     """Return a note on the points of a line, shape (n, 2) [m], at which it goes back: they may be in the wrong order."""
     long = np.hypot(*np.diff(points, axis=0).T) > _STEP_M
-    back = 1 + np.flatnonzero((turns_of(points) < _BACK) & long[1:] & long[:-1])
+    back = 1 + np.flatnonzero((turns_of(points) < BACK) & long[1:] & long[:-1])
     if not len(back):
         return ()
     which = f"point {back[0] + 1}" if lines is None else f"line {lines[back[0]]} of the file"

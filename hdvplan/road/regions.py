@@ -174,9 +174,9 @@ def snapped(lines: list[FloatArray], within: float) -> list[FloatArray]:
 
 def seen(edges: list[tuple[FloatArray, str, str]], line: shapely.Geometry) -> list[tuple[FloatArray, str, str]]:
     """Return edges, (n, 2) [m] with name and layer, without those that lie beside a ``line`` and wholly behind others, such as fences."""
-    drawn = [shapely.LineString(edge) for edge, _, _ in edges]
     if len(edges) <= 2:  # noqa: PLR2004 - one a side
         return edges
+    drawn = [shapely.LineString(edge) for edge, _, _ in edges]
     beside = shapely.union_all([shapely.buffer(part, OPEN_M, cap_style="flat") for part in shapely.get_parts(line) if part.length])
     room = shapely.get_parts(shapely.difference(beside, shapely.buffer(shapely.union_all(drawn), _MEET_M, cap_style="square")))
     before = shapely.buffer(shapely.union_all(room[shapely.intersects(room, line)]), 2.0 * _MEET_M)

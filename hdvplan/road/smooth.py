@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from hdvplan.arrays import FloatArray, carried, chord_of, turns_of
 from hdvplan.errors import ProjectionError, RoadError
-from hdvplan.road.checks import MIN_LENGTH_M
+from hdvplan.road.checks import BACK, MIN_LENGTH_M
 from hdvplan.road.offsets import Stations, program_of, solve_offsets
 from hdvplan.road.path import KNOT_SPACING_M, ReferencePath, from_samples
 from hdvplan.road.road import Smoothing
@@ -36,7 +36,6 @@ from hdvplan.road.splines import (
 
 _DEVIATIONS_M = (5.0, 10.0, 20.0)  # that are tried one after the other where nobody says how far a line may be moved
 _DRIVEN_SHARE, _DRIVEN_EXCESS = 0.9, 1.5  # of the curvature: of a drive along a line, and where two are made one or moved to an end
-_BACK = -np.cos(np.deg2rad(30.0))  # cosine of a turn at a point that is a mistake, or a drive back
 _STATION_M = 1.0  # the unknown offsets stand this far apart: a spline knot a metre holds a radius of 8 m to 0.2 %
 _WIDEST_SIGMA_M = 10.0  # of the Gaussian that makes the first line; else as wide as the tightest radius
 _SETTLED_M = 0.01  # size of the offsets at which the base line is its own solution
@@ -131,7 +130,7 @@ def _driven_along(points: FloatArray, max_curvature: float) -> SmoothedLine | No
     """Return the path of a drive along an open line; None where the line turns back at a point, or that is tighter than it may be."""
     kept, vertex = np.unique(vertex_of(points), return_inverse=True)
     vertices = points[kept]
-    if np.min(turns_of(vertices), initial=1.0) < _BACK:
+    if np.min(turns_of(vertices), initial=1.0) < BACK:
         return None
     for driven, along in pursued(vertices, _DRIVEN_SHARE * max_curvature):
         found = path_through(driven, _DRIVEN_EXCESS * max_curvature)
