@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -18,16 +18,14 @@ from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_deg
 from hdvplan.road.features import AREAS, LINES, POINTS, Beside, Feature, coordinates_of, flat, label_of, parts_of, role_of
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import RoadOptions, Role, unheeded
+from hdvplan.road.parts import one_line, without_stops
 from hdvplan.road.properties import legs_among, with_properties
-from hdvplan.road.regions import EDGE, Kind, Region, is_island, joined, seen, snapped, walls_of, without_spurs
+from hdvplan.road.regions import EDGE, Kind, Region, is_island, joined, seen, walls_of, without_spurs
 from hdvplan.texts import counted, printable, some_of
 
-_SNAP_M = 0.01
-_PAUSE_M = 25.0  # most of a track
 _LISTED = 20  # lines that a question names
 _UNREAD = 8  # layers that a note names
 _LONGEST = 100  # letters of each
-_MOST_PARTS = 5000  # of a line that are joined: a bus route has hundreds, and a country's network takes hours
 _METRES = Unit()
 
 
@@ -86,7 +84,7 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
     if system is None:
         refuse_no_street(placed, None, [edge for edge, _, _ in edges], unit, name)
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)
-    drawn = [replace(_drawn(line, list(islice(rest, len(line.parts))), name), to_lonlat=to_lonlat) for line in chosen]
+    drawn = [replace(_drawn(line, list(islice(rest, len(line.parts))), name, routes=routes), to_lonlat=to_lonlat) for line in chosen]
     regions = [Region(Kind.OBSTACLE, wall, label or EDGE) for _, walls, label in edges for wall in walls]
     for edge, _, label in [] if legs else edges[:]:
         others = [one for one in edges if one[0] is not edge]
@@ -112,9 +110,12 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
     )
 
 
-def _drawn(line: _Line, parts: list[FloatArray], name: str) -> RawRoad:
-    """Return a line with what its own properties say; ``parts`` are its own in the plane."""
-    points, notes = _joined(parts, name, directed=line.directed)
+def _drawn(line: _Line, parts: list[FloatArray], name: str, *, routes: bool) -> RawRoad:
+    """Return a line with what its own properties say; ``parts`` are its own in the plane, of ``routes`` perhaps recorded ones."""
+    points, notes = one_line(parts, name, directed=line.directed)
+    if routes:
+        points, told = without_stops(points, name)
+        notes += told
     raw = with_properties(points, line.feature.properties, name, parts=len(parts))
     return replace(raw, notes=(*raw.notes, *notes))
 
@@ -256,29 +257,3 @@ def _listed(lines: list[_Line]) -> str:
         for line in lines
     )
     return some_of(names, _LISTED)
-
-
-def _joined(parts: list[FloatArray], name: str, *, directed: bool) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return one line from parts that join end to start, in their own direction, or else the first one's, whatever their order; and notes.
-
-    Over pauses, as loggers make them, no longer than a step of the parts, a line goes on.
-    """
-    gap = max((float(np.hypot(*(after[0] - before[-1]))) for before, after in pairwise(parts)), default=0.0)
-    if gap <= _SNAP_M:
-        return np.concatenate(parts), ()
-    if directed and gap <= min(_PAUSE_M, *(float(np.max(np.hypot(*np.diff(part, axis=0).T))) for part in parts)):
-        return np.concatenate(parts), (f"{name}: the line's {len(parts)} parts are taken as one, over gaps of up to {gap:.1f} m",)
-    if len(parts) > _MOST_PARTS:
-        msg = f"{name}: the line has {len(parts)} parts out of order; at most {_MOST_PARTS} are joined"
-        raise RoadError(msg, hint="is it a network? give its lines as features of their own, and choose one with --id")
-    parts = snapped(parts, _SNAP_M)
-    merged = shapely.line_merge(shapely.MultiLineString(parts), directed=directed)
-    if isinstance(merged, shapely.LineString):
-        start, end = (merged.project(shapely.Point(parts[0][row])) for row in (0, -1))
-        return np.asarray(merged.coords if directed or start < end else merged.reverse().coords, dtype=float), ()
-    pieces = [np.asarray(piece.coords, dtype=float) for piece in merged.geoms]
-    starts = np.array([piece[0] for piece in pieces])
-    gaps = [float(np.min(np.delete(np.hypot(*(starts - piece[-1]).T), i))) for i, piece in enumerate(pieces)]
-    listed = ", ".join(f"{gap:.2f} m" for gap in sorted(gaps)[: len(pieces) - 1][:10])
-    msg = f"{name}: the line's {len(parts)} parts do not join to one; from an end to the next start there are gaps of {listed}"
-    raise RoadError(msg, hint="join the parts, or turn the ones that run backwards" if directed else "join them, or choose one with --id")

@@ -33,6 +33,7 @@ _SHEETS = {"XLSX", "ODS", "XLS"}
 _DRAWINGS = {"DXF", "DGN", "CAD"}
 _POINT = "AcDbPoint"  # of a drawing, where texts are points too
 _ROUTES = {"GPX", "OSM"}
+_TRACKS = ("GPX", "tracks")
 _REACHES = {"left_m", "right_m", "width_m", "corner_radius_m"}
 _NETWORK = ("<OGRVRTDataSource", "<OGRWFSDataSource", "<OGRCSWDataSource", "gdal_streamed_alg")  # files that name other sources to open
 _HEADER_BYTES = 65536  # of a drawing, which hold its settings
@@ -177,7 +178,7 @@ def _features(source: _Source, layer: str, system: str | None, driver: str) -> l
     titles, numbers, shapes, columns = source.read(layer)
     if shapes is None:
         return []
-    geometries = _geometries(shapes, source.path.name, layer)
+    geometries = _tracks(source) if (driver, layer) == _TRACKS else _geometries(shapes, source.path.name, layer)
     titles = [title.casefold() for title in titles]
     found: list[Feature] = []
     for number, geometry, *values in zip(numbers, geometries, *columns, strict=True):
@@ -206,10 +207,18 @@ def _geometries(shapes: NDArray[np.object_], name: str, layer: str) -> list[Any]
         geometries = shapely.from_wkb(shapes)
     except shapely.errors.ShapelyError as error:
         msg = f"{name}: layer {layer!r} has a geometry that cannot be used: {error}"
-        raise RoadError(
-            msg, hint=f"make it plain first: ogr2ogr -nlt CONVERT_TO_LINEAR {_CONVERT.format(name=name).partition(' ')[2]}"
-        ) from error
+        raise RoadError(msg, hint=f"make it plain first: ogr2ogr -nlt CONVERT_TO_LINEAR road.gpkg {name}") from error
     return list(geometries)
+
+
+def _tracks(source: _Source) -> list[Any]:
+    """Return the tracks of a GPX file from its points, without segments of one point: as lines they cannot be read."""
+    titles, _, shapes, columns = source.read("track_points")
+    ids = np.column_stack([columns[titles.index(title)] for title in ("track_fid", "track_seg_id")])
+    points = shapely.get_coordinates(shapely.from_wkb(shapes))
+    segments, rows, counts = np.unique(ids, axis=0, return_inverse=True, return_counts=True)
+    lines = [[points[rows == at] for at in np.flatnonzero((segments[:, 0] == track) & (counts > 1))] for track in np.unique(ids[:, 0])]
+    return [shapely.MultiLineString(parts) if parts else None for parts in lines]
 
 
 def _value(value: Any, title: str) -> object:  # noqa: ANN401 - whatever a database holds

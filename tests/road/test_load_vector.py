@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 import warnings
 from collections.abc import Sequence
@@ -19,8 +20,11 @@ from ezdxf.filemanagement import new
 from pyproj import Transformer
 from shapely.geometry.base import BaseGeometry
 
+from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError, RoadError
+from hdvplan.road.line import RawRoad
 from hdvplan.road.load import find_road, load_road
+from hdvplan.road.load_vector import read_vector
 from hdvplan.road.options import RoadOptions
 from hdvplan.road.regions import Kind
 
@@ -519,3 +523,21 @@ def test_whatever_gdal_says_of_damage_is_a_refusal(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(pyogrio.raw, "read", fail)
     with pytest.raises(RoadError, match=r"^road\.gpkg (is damaged or cut off|cannot be read: year 0 is out of range)\n"):
         load_road(path)
+
+
+def test_a_track_is_read_without_its_stops_and_its_segments_of_one_point(tmp_path: Path) -> None:
+    def track(*segments: FloatArray) -> RawRoad:
+        points = ["".join(f'<trkpt lat="{lat:.8f}" lon="{lon:.8f}"/>' for lon, lat in segment) for segment in segments]
+        path = tmp_path / "t.gpx"
+        path.write_text(GPX.format("</trkseg><trkseg>".join(points)), encoding="utf-8")
+        return read_vector(path, RoadOptions())
+
+    moving = np.column_stack([11.97 + np.arange(30) * 1e-4, np.full(30, 57.7)])  # steps of 6 m
+    whole = track(moving)
+    assert whole.notes == ()
+    np.testing.assert_allclose(track(moving[:1], moving).points, whole.points, atol=1e-6)
+    scatter = np.random.default_rng(1).normal(0.0, 8e-6, (40, 2)) * [1.0, 0.5]  # 0.5 m
+    stopped = track(np.concatenate([moving[:12], moving[12] + scatter, moving[13:]]))
+    assert re.fullmatch(r"t.gpx: 39 points where the recorder stood left out; they scatter by up to 1\.\d m", stopped.notes[0])
+    np.testing.assert_allclose(stopped.points, whole.points, atol=0.3)  # the mean of 40 points of 0.5 m, both ways
+    np.testing.assert_allclose(track(moving, moving[-2::-1]).points[:30], whole.points, atol=1e-6)  # a way out and back is no stop

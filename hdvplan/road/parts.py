@@ -1,0 +1,76 @@
+"""One line from the parts of a feature, and from what a recorder wrote while it stood."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import shapely
+
+from hdvplan.arrays import FloatArray
+from hdvplan.errors import RoadError
+from hdvplan.road.regions import snapped
+from hdvplan.texts import counted
+
+_SNAP_M = 0.01
+_PAUSE_M = 25.0  # most of a track
+_STOP_M = 5.0  # from where a recorder begins to stand, within which its points scatter
+_SCATTER_M = 2.0  # of a point that it writes, at most
+_MOST_PARTS = 5000  # of a line that are joined: a bus route has hundreds, and a country's network takes hours
+
+
+def one_line(parts: list[FloatArray], name: str, *, directed: bool) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return one line from parts that join end to start, in their own direction, or else the first one's, whatever their order; and notes.
+
+    Over pauses, as loggers make them, no longer than a step of the parts, a line goes on.
+    """
+    gap = max((float(np.hypot(*(after[0] - before[-1]))) for before, after in pairwise(parts)), default=0.0)
+    if gap <= _SNAP_M:
+        return np.concatenate(parts), ()
+    if directed and gap <= min(_PAUSE_M, *(float(np.max(np.hypot(*np.diff(part, axis=0).T))) for part in parts)):
+        return np.concatenate(parts), (f"{name}: the line's {len(parts)} parts are taken as one, over gaps of up to {gap:.1f} m",)
+    if len(parts) > _MOST_PARTS:
+        msg = f"{name}: the line has {len(parts)} parts out of order; at most {_MOST_PARTS} are joined"
+        raise RoadError(msg, hint="is it a network? give its lines as features of their own, and choose one with --id")
+    parts = snapped(parts, _SNAP_M)
+    merged = shapely.line_merge(shapely.MultiLineString(parts), directed=directed)
+    if isinstance(merged, shapely.LineString):
+        start, end = (merged.project(shapely.Point(parts[0][row])) for row in (0, -1))
+        return np.asarray(merged.coords if directed or start < end else merged.reverse().coords, dtype=float), ()
+    pieces = [np.asarray(piece.coords, dtype=float) for piece in merged.geoms]
+    starts = np.array([piece[0] for piece in pieces])
+    gaps = [float(np.min(np.delete(np.hypot(*(starts - piece[-1]).T), i))) for i, piece in enumerate(pieces)]
+    listed = ", ".join(f"{gap:.2f} m" for gap in sorted(gaps)[: len(pieces) - 1][:10])
+    msg = f"{name}: the line's {len(parts)} parts do not join to one; from an end to the next start there are gaps of {listed}"
+    raise RoadError(msg, hint="join the parts, or turn the ones that run backwards" if directed else "join them, or choose one with --id")
+
+
+def without_stops(points: FloatArray, name: str) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return a recorded track, shape (n, 2) [m], with one point for each place where it stood and went to and fro, and a note on these."""
+    left = points[np.append(True, np.any(np.diff(points, axis=0) != 0.0, axis=1))]
+    distinct, widest = len(left), 0.0
+    while (stop := _stop(left)) is not None:
+        first, last = stop
+        middle = np.mean(left[first : last + 1], axis=0)
+        widest = max(widest, float(np.max(np.hypot(*(left[first : last + 1] - middle).T))))
+        left = np.concatenate([left[:first], [middle], left[last + 1 :]])
+    if len(left) == distinct:
+        return points, ()
+    what = counted(distinct - len(left), "point")
+    return left, (f"{name}: {what} where the recorder stood left out; they scatter by up to {widest:.1f} m",)
+
+
+def _stop(points: FloatArray) -> tuple[int, int] | None:
+    """Return the first and the last point of a place where a track, shape (n, 2) [m], turns back at least twice; None without any."""
+    steps = np.diff(points, axis=0)
+    back = 1 + np.flatnonzero(np.sum(steps[1:] * steps[:-1], axis=1) < 0.0)
+    for at, first in enumerate(back.tolist()):
+        apart = np.hypot(*(points[first:] - points[first]).T)
+        stays = int(np.argmax(apart > _STOP_M)) if apart.max() > _STOP_M else len(apart)
+        last = int(back[at:][back[at:] < first + stays][-1])
+        if last > first:
+            middle = np.mean(points[first : last + 1], axis=0)
+            apart = np.hypot(*(points - middle).T)
+            near = apart <= max(_SCATTER_M, float(np.max(apart[first : last + 1])))
+            return first - int(np.argmin(near[:first][::-1])), last + int(np.argmin(near[last + 1 :]))
+    return None
