@@ -136,18 +136,12 @@ class LegsResult:
         return ends_of(self.results[at].drive, self.legs.legs[at])
 
     def off_line(self, at: int) -> tuple[float, float]:
-        """Return how far off a leg's line the lead rear axle stands where the leg ends, and is turned, left positive [m, rad].
-
-        Of a line of the last axle it is that one, how far off the end of the line as drawn, in any direction.
-        """
+        """Return how far off the end of a leg's line as drawn the axle on it stands, and is turned, left positive [m, rad]."""
         leg, drive = self.legs.legs[at], self.results[at].drive
-        if leg.last_axle is None:
-            across, turned = drive.z[0 if leg.backward else -1, :2]
-            return float(across), float(turned)
-        x, y, heading = leg.last_axle
-        last = placed(drive, np.array([np.argmin(np.abs(drive.poses_s - leg.ends[1]))]))[0, -1]
-        turned = np.arctan2(last["sin"], last["cos"]) - heading
-        return float(np.hypot(last["x"] - x, last["y"] - y)), float(wrapped(turned))
+        x, y, heading = leg.aim
+        bodies = placed(drive, np.array([np.argmin(np.abs(drive.poses_s - leg.ends[1]))]))[0]
+        axle = bodies[0 if leg.last_axle is None else -1]
+        return float(np.hypot(axle["x"] - x, axle["y"] - y)), float(wrapped(np.arctan2(axle["sin"], axle["cos"]) - heading))
 
     def _rank(self, at: int) -> tuple[bool, bool, float]:
         verdict = self.verdicts[at]

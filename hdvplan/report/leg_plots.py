@@ -26,6 +26,7 @@ from hdvplan.road.regions import Kind
 from hdvplan.vehicle.kinematics import critical_angles
 
 _COLOURS, _DASHES = BODY_COLOURS[:2], ("solid", (0, (4, 1.5)))  # forward, backward
+_DRAWN = (0, (1, 1.5))
 _PALE = 0.22  # of swept areas
 _ARROWS_M = 6.0  # of way, about, from one arrow to the next
 _LABELS_PT = {"start": (-44.0, 20.0), "end": (16.0, -26.0)}  # they may be one place
@@ -131,6 +132,10 @@ def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned
         points = turned(shapely.get_coordinates([one.geometry for one in ground]))
         view = shapely.box(*(points.min(axis=0) - ROOM_M), *(points.max(axis=0) + ROOM_M))  # a line on its edge would be cut off
         draw_features(axes, ground, view, weight=weight, turned=turned)
+    given = [turned(leg.road.about.points) for leg in driven.legs.legs if leg.road.about is not None]
+    for at, line in enumerate(given):  # smoothing may have moved it, and its cusps
+        label = "line as drawn" if at == 0 else None
+        axes.plot(*line.T, color=MUTED, linestyle=_DRAWN, linewidth=0.9 * weight, zorder=3, label=label)
     draw_lines(axes, ways_of(driven), weight=weight, turned=turned)
     places = [breach.place for result in driven.results for breach in result.balance.breaches]
     places += [(near.x, near.y) for result in driven.results for near in result.entered]

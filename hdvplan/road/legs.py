@@ -44,6 +44,15 @@ class Leg:
         return (length, 0.0) if self.backward else (0.0, length)
 
     @property
+    def aim(self) -> tuple[float, float, float]:
+        """Where its line as drawn ends: x and y [m], and the heading there [rad]."""
+        if self.last_axle is not None:
+            return self.last_axle
+        end, row = self.road.path.at(np.array(self.ends[1:])), 0 if self.backward else -1
+        x, y = (float(end.x[0]), float(end.y[0])) if self.road.about is None else self.road.about.points[row].tolist()
+        return x, y, float(end.heading[0]) - self.turned[1]
+
+    @property
     def turned(self) -> tuple[float, float]:
         """By how much smoothing turned the line where the leg begins and where it ends, left positive [rad]."""
         if self.road.about is None:

@@ -75,9 +75,9 @@ def test_an_articulation_beyond_the_critical_one_is_a_no_with_its_place(trailer:
 
 
 def test_it_is_told_how_far_off_its_line_the_vehicle_stands_at_last(straight: Result) -> None:
-    states = straight.drive.z.copy()
+    states = straight.drive.poses_z.copy()
     states[0, :2] = 0.2, np.deg2rad(-5.0)  # where the second leg, driven backwards, ends
-    driven = legs_of(straight, replace(straight, drive=replace(straight.drive, z=states)))
+    driven = legs_of(straight, replace(straight, drive=replace(straight.drive, poses_z=states)))
     assert driven.details.endswith("; it ends 0.20 m and 5 degrees off its line")
     last = summary_of_legs(driven)["legs"][1]
     assert (last["off_line_end_m"], last["off_line_end_deg"]) == pytest.approx((0.2, -5.0))
