@@ -18,7 +18,7 @@ from hdvplan.judging.bodies import corners
 from hdvplan.judging.legs import LegsResult
 from hdvplan.report import BODY_COLOURS, BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.animation import LAST_MS, Pose, frames_of, gif_bytes, ground_of, paced
-from hdvplan.report.layers import kerb_features, region_features
+from hdvplan.report.layers import Drawn, kerb_features, region_features
 from hdvplan.report.maps import ROOM_M, SLIDE, UNTURNED, Turn, draw_bodies, draw_features, finish_map, frame, outline_of, point
 from hdvplan.report.style import ON_WHITE, SLIDE_IN, legend_above, mark_broken, styled, write_head
 from hdvplan.road.legs import direction_of
@@ -31,6 +31,7 @@ _PALE = 0.22  # of swept areas
 _ARROWS_M = 6.0  # of way, about, from one arrow to the next
 _LABELS_PT = {"start": (-44.0, 20.0), "end": (16.0, -26.0)}  # they may be one place
 _LABEL_PT = (16.0, 16.0)  # of cusps
+_NEAR_M = 5.0  # beside what is swept, within which a wall or a kerb is on the map
 _SHADE = 0.10  # behind what is driven backwards
 _ROOMY_M = 3.0  # more room than that needs no place in a diagram
 _SHOWN = 1.3  # times the largest articulation is a critical angle near enough to be drawn
@@ -126,9 +127,7 @@ def draw_stops(axes: Axes, stops: Sequence[Stop], *, weight: float = SLIDE, turn
 
 def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
     """Draw what stays as it is: obstacles, kerbs, and the line of every leg with arrows, and where something is broken."""
-    bounded = (one for one in driven.results if one.drive.road.limits is not None)
-    ground = [*region_features(driven.legs.regions), *(kerb for one in bounded for kerb in kerb_features(one))]
-    if ground:
+    if ground := _features(driven):
         points = turned(shapely.get_coordinates([one.geometry for one in ground]))
         view = shapely.box(*(points.min(axis=0) - ROOM_M), *(points.max(axis=0) + ROOM_M))  # a line on its edge would be cut off
         draw_features(axes, ground, view, weight=weight, turned=turned)
@@ -142,6 +141,18 @@ def draw_ground(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned
     places += [(one.x, one.y) for one in driven.jackknives if one is not None]
     if places:
         mark_broken(axes, turned(np.array(places)), "breach")
+
+
+def _features(driven: LegsResult) -> list[Drawn]:
+    bounded = (one for one in driven.results if one.drive.road.limits is not None)
+    return [*region_features(driven.legs.regions), *(kerb for one in bounded for kerb in kerb_features(one))]
+
+
+def points_shown(driven: LegsResult) -> FloatArray:
+    """Return what a map of a drive shows, (n, 2) [m]: what is swept, and of kerbs and obstacles what is near."""
+    swept = shapely.union_all(driven.swept)
+    near = shapely.intersection([one.geometry for one in _features(driven)], shapely.buffer(swept, _NEAR_M))
+    return np.concatenate([shapely.get_coordinates(swept), shapely.get_coordinates(near)])
 
 
 def draw_legs(axes: Axes, driven: LegsResult, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
@@ -173,7 +184,7 @@ def _way(driven: LegsResult) -> list[float]:
 
 def _draw_map(axes: Axes, driven: LegsResult) -> None:
     draw_legs(axes, driven)
-    frame(axes, shapely.get_coordinates(driven.swept), ROOM_M)
+    frame(axes, points_shown(driven), ROOM_M)
     finish_map(axes, north=driven.legs.legs[0].road.to_lonlat is not None)
     legend_above(axes)
 
@@ -247,7 +258,7 @@ def legs_film_bytes(driven: LegsResult) -> bytes:
 
     def draw(axes: Axes) -> None:
         draw_ground(axes, driven)
-        frame(axes, shapely.get_coordinates(driven.swept), ROOM_M)
+        frame(axes, points_shown(driven), ROOM_M)
         finish_map(axes, north=first.road.to_lonlat is not None)
 
     swept = [f"swept {direction_of(backward=backward)}" for backward in (False, True)]

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from hdvplan.judging.legs import LegsResult
 from hdvplan.report.layers import drawn_features, view_of
-from hdvplan.report.leg_plots import Stop, draw_legs, stops_of
+from hdvplan.report.leg_plots import Stop, draw_legs, points_shown, stops_of
 from hdvplan.report.manoeuvre_plots import draw_site, stops_in, ways_in
 from hdvplan.report.paper import Page, SheetOptions, Size, map_mm, page_around
 from hdvplan.report.rooms import Room
@@ -28,8 +28,7 @@ _LETTER = "A"  # of the tightest place
 def legs_sheet_bytes(driven: LegsResult, options: SheetOptions) -> bytes:
     """Return the sheet of a drive along several lines as a PDF, as ``sheet_bytes`` does of a road, with its errors."""
     lengths = [leg.road.path.length for leg in driven.legs.legs]
-    outline = shapely.get_coordinates(driven.swept)
-    page = page_around(outline, sum(lengths), map_mm(options), options.scale)
+    page = page_around(points_shown(driven), sum(lengths), map_mm(options), options.scale)
     first = driven.results[0]
     each = ", ".join(f"{leg.direction} {length:.1f} m" for leg, length in zip(driven.legs.legs, lengths, strict=True))
     rows = rows_of(driven.results, driven.legs.name, page, options)

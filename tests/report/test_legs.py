@@ -18,10 +18,11 @@ from hdvplan.judging.bodies import corners, placed
 from hdvplan.judging.legs import LegsResult, jackknife_of
 from hdvplan.judging.result import Result
 from hdvplan.report.leg_files import summary_of_legs
-from hdvplan.report.leg_plots import draw_ground, legs_film_bytes, stops_of
+from hdvplan.report.leg_plots import draw_ground, legs_film_bytes, points_shown, stops_of
 from hdvplan.report.leg_sheet import legs_sheet_bytes
 from hdvplan.report.paper import SheetOptions
 from hdvplan.road.legs import Leg, Legs
+from hdvplan.road.limits import About
 from hdvplan.road.regions import Edge, Kind, Region
 from hdvplan.vehicle.kinematics import critical_angles
 from tests.report.pdf import strokes
@@ -110,6 +111,18 @@ def test_the_vehicle_stands_where_one_leg_ends_and_the_next_begins(trailer: Resu
     np.testing.assert_array_equal([stop.outlines for stop in (start, cusp, end)], poses)
     np.testing.assert_allclose([stop.angles[0] for stop in (start, cusp, end)], betas[[0, -1, 0]])
     assert cusp.text == f"cusp 1: articulation {round(float(betas[-1])) + 0:+d}°"
+
+
+def test_a_map_shows_the_wall_behind_a_dock_and_the_drawn_line_but_no_wall_far_away(straight: Result) -> None:
+    swept = shapely.box(*straight.swept[0].bounds)
+    walls = [shapely.box(swept.bounds[0] - gap - 0.5, -2.0, swept.bounds[0] - gap, 2.0) for gap in (2.0, 9.0)]
+    driven = legs_of(straight)
+    points = points_shown(replace(driven, legs=replace(driven.legs, regions=tuple(Region(Kind.OBSTACLE, wall, "wall") for wall in walls))))
+    assert points[:, 0].min() == pytest.approx(swept.bounds[0] - 2.5)
+    axes, road = Figure().add_subplot(), straight.drive.road
+    drawn = Leg(replace(road, about=About.smooth(road.path)), backward=False)
+    draw_ground(axes, replace(driven, legs=Legs("yard", (drawn,))))
+    assert "line as drawn" in [line.get_label() for line in axes.lines]
 
 
 @pytest.mark.slow
