@@ -159,9 +159,9 @@ class Suite:
         if self.classes and (self.half_width is not None or not self.limits):
             msg = "classes of limits set the limits themselves"
             raise OptionError(msg, hint="leave out --half-width and --no-limits; --slack and --pinch are measures of the classes")
-        if not self.limits and (self.half_width is not None or self.pinch is not None):
-            msg = "without limits there is no half width and no pinch"
-            raise OptionError(msg, hint="leave out either --no-limits or --half-width and --pinch")
+        if not self.limits and (self.half_width is not None or self.pinch is not None or self.slack != Suite.slack):
+            msg = "without limits there is no half width, no slack and no pinch"
+            raise OptionError(msg, hint="leave out either --no-limits, or --half-width, --slack and --pinch")
         self.settings(Scheme.RTI)  # refuses lengths that do not divide
 
     def settings(self, scheme: Scheme) -> PlannerSettings:

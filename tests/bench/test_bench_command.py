@@ -258,6 +258,7 @@ REFUSED = [
     (("--rounds", "0"), "rounds must be"),
     (("--suite", "none.toml"), "cannot be read"),
     (("--no-limits", "--pinch", "1"), "without limits"),
+    (("--no-limits", "--slack", "1"), "without limits"),
     (("--factor", "1.2"), "need --against"),
     (("--command", "true"), "need --against"),
     (("--expect-changes",), "need --against"),
