@@ -15,7 +15,7 @@ from hdvplan.errors import RoadError
 from hdvplan.road.crs import ToLonLat, is_local
 from hdvplan.road.limits import WIDEST_M
 from hdvplan.settings import METRES, any_of
-from hdvplan.texts import counted, place_text, some_of
+from hdvplan.texts import place_text, some_of
 
 _LARGEST_MB = 64
 _PACKED = {".kmz", ".xlsx", ".ods"}  # packed by nature
@@ -32,7 +32,6 @@ _SHORTEST_M = 1000.0  # a long straight may well have one step of hundreds of me
 _SAME_M = 0.02  # points this close repeat their neighbour
 _BLAME_M, _CUT_SHARE = 20.0, 0.05  # around the place of a refusal, and of what lies before: smoothing has cut corners there
 BACK = -np.cos(np.deg2rad(30.0))  # cosine of a turn at a point that is a mistake, or a drive back
-_STEP_M = 0.5  # shorter ones jitter
 _AROUND = 3  # steps looked at before and after
 SPARSE_M = 1000.0  # between the points of a long line, on average: a small file makes no road of a thousand kilometres
 MIN_LENGTH_M = 5.0  # of a road
@@ -157,16 +156,6 @@ def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str
                 f" {steps[at] / usual:.0f} times the steps around them"
             )
             raise RoadError(msg, hint="correct or remove the point that is wrong; on a long straight, add points between")
-
-
-def going_back(points: FloatArray, lines: tuple[int, ...] | None, name: str) -> tuple[str, ...]:
-    """Return a note on the points of a line, shape (n, 2) [m], at which it goes back: they may be in the wrong order."""
-    long = np.hypot(*np.diff(points, axis=0).T) > _STEP_M
-    back = 1 + np.flatnonzero((turns_of(points) < BACK) & long[1:] & long[:-1])
-    if not len(back):
-        return ()
-    which = f"point {back[0] + 1}" if lines is None else f"line {lines[back[0]]} of the file"
-    return (f"{name}: the line goes back on itself at {counted(len(back), 'point')}, first at {which}: are its points in the right order?",)
 
 
 def pointed_at(error: RoadError, points: FloatArray, lines: tuple[int, ...] | None, to_lonlat: ToLonLat | None) -> RoadError:

@@ -8,12 +8,13 @@ from functools import partial
 from pathlib import Path
 
 from hdvplan.errors import RoadError
-from hdvplan.road.checks import going_back, pointed_at, refuse_far, refuse_length, refuse_outliers, refuse_unreadable, text_of
+from hdvplan.road.checks import pointed_at, refuse_far, refuse_length, refuse_outliers, refuse_unreadable, text_of
 from hdvplan.road.line import LONG_M, Line, RawRoad, noted_again, offset_road, reversed_road, smoothed
 from hdvplan.road.load_csv import has_wkt, read_csv
 from hdvplan.road.load_json import json_object, read_geojson, read_overpass
 from hdvplan.road.load_vector import read_vector
 from hdvplan.road.options import OF_FILES, OF_POINTS, USUAL, RoadOptions, refuse_unheeded
+from hdvplan.road.parts import odd_points
 from hdvplan.road.road import Road
 from hdvplan.road.scenarios import NOTICE, SCENARIOS, shipped, shipped_roads
 from hdvplan.texts import did_you_mean, printable
@@ -123,7 +124,7 @@ def _read(path: Path, options: RoadOptions) -> RawRoad:
     if not raw.is_profile:
         refuse_far(raw.points, path.name)
         refuse_outliers(raw.points, raw.lines, path.name)
-        raw = raw if raw.legs else replace(raw, notes=(*raw.notes, *going_back(raw.points, raw.lines, path.name)))
+        raw = raw if raw.legs else replace(raw, notes=(*raw.notes, *odd_points(raw.points, raw.lines, path.name)))
         named = ((name, getattr(options, name)) for name in ("crs", "unit") if not raw.legs)
         refuse_length(raw.points, path.name, LONG_M, next((f"--{name} {value}" for name, value in named if value is not None), None))
     return raw

@@ -1,4 +1,4 @@
-"""One line from the parts of a feature, and from what a recorder wrote while it stood."""
+"""One line from the parts of a feature, and from what a recorder wrote while it stood; and what is odd about its points."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import FloatArray, turns_of
 from hdvplan.errors import RoadError
+from hdvplan.road.checks import BACK
 from hdvplan.road.regions import snapped
 from hdvplan.texts import counted
 
@@ -16,6 +17,10 @@ _SNAP_M = 0.01
 _PAUSE_M = 25.0  # most of a track
 _STOP_M = 5.0  # from where a recorder begins to stand, within which its points scatter
 _SCATTER_M = 2.0  # of a point that it writes, at most
+_FIVE = 5  # points: one, and a straight on either side
+_STEP_M = 0.5  # shorter ones jitter
+_ASIDE_M = 2.0  # of a point that may be a mistake, from a straight through its neighbours,
+_LEVEL, _KINK = np.cos(np.deg2rad((10.0, 30.0)))  # which these and theirs keep to, and its own turn
 _MOST_PARTS = 5000  # of a line that are joined: a bus route has hundreds, and a country's network takes hours
 
 
@@ -74,3 +79,28 @@ def _stop(points: FloatArray) -> tuple[int, int] | None:
             near = apart <= max(_SCATTER_M, float(np.max(apart[first : last + 1])))
             return first - int(np.argmin(near[:first][::-1])), last + int(np.argmin(near[last + 1 :]))
     return None
+
+
+def odd_points(points: FloatArray, lines: tuple[int, ...] | None, name: str) -> tuple[str, ...]:
+    """Return notes on the points of a line, shape (n, 2) [m], that may be mistakes: it goes back at them, or they alone lie aside."""
+    steps, turns = np.diff(points, axis=0), turns_of(points)
+    long = np.hypot(*steps.T) > _STEP_M
+    back = 1 + np.flatnonzero((turns < BACK) & long[1:] & long[:-1])
+
+    def which(at: int) -> str:
+        return f"point {at + 1}" if lines is None else f"line {lines[at]} of the file"
+
+    notes = list[str]()
+    if len(back):
+        what = f"the line goes back on itself at {counted(len(back), 'point')}, first at {which(back[0])}"
+        notes.append(f"{name}: {what}: are its points in the right order?")
+    if len(points) >= _FIVE:
+        before, across, after = steps[:-3], points[3:-1] - points[1:-3], steps[3:]
+        length, own = np.hypot(*across.T), points[2:-2] - points[1:-3]
+        level = [np.sum(step * across, axis=1) > _LEVEL * np.hypot(*step.T) * length for step in (before, after)]
+        apart = np.abs(across[:, 0] * own[:, 1] - across[:, 1] * own[:, 0]) / np.maximum(length, _STEP_M)
+        aside = np.flatnonzero(level[0] & level[1] & (turns[1:-1] < _KINK) & (apart > _ASIDE_M))
+        if len(aside):
+            what = f"{which(2 + aside[0])} lies {apart[aside[0]]:.1f} m off the straight of those before and behind it"
+            notes.append(f"{name}: {what}: is it a mistake?")
+    return tuple(notes)

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from hdvplan.errors import RoadError
-from hdvplan.road.checks import going_back, pointed_at, refuse_outliers, text_of
+from hdvplan.road.checks import pointed_at, refuse_outliers, text_of
 from hdvplan.road.load import load_road
 from hdvplan.road.load_csv import read_csv
 from hdvplan.road.options import RoadOptions
+from hdvplan.road.parts import odd_points
 
 
 @pytest.mark.parametrize(
@@ -185,12 +186,22 @@ def test_an_outlier_is_refused_with_its_place(row: int, first: int) -> None:
 @pytest.mark.parametrize(("first", "second", "where"), [(7, 8, "2 points, first at line 8"), (1, 2, "2 points, first at line 2")])
 def test_points_in_the_wrong_order_are_told(first: int, second: int, where: str) -> None:
     points = DENSE.copy()
-    assert going_back(points, tuple(range(1, 21)), "f") == ()
+    assert odd_points(points, tuple(range(1, 21)), "f") == ()
     points[[first, second]] = points[[second, first]]
-    (note,) = going_back(points, tuple(range(1, 21)), "f")
+    (note,) = odd_points(points, tuple(range(1, 21)), "f")
     assert note == f"f: the line goes back on itself at {where} of the file: are its points in the right order?"
     jitter = np.repeat(DENSE, 2, axis=0) + np.tile([[0.1, 0.0], [-0.1, 0.0]], (20, 1))
-    assert going_back(jitter, None, "f") == ()
+    assert odd_points(jitter, None, "f") == ()
+
+
+def test_a_point_that_alone_lies_aside_of_a_straight_is_told_and_a_chicane_is_not() -> None:
+    straight = np.column_stack([np.arange(0.0, 200.0, 10.0), np.zeros(20)])
+    straight[8, 1] = 12.0
+    (note,) = odd_points(straight, None, "f")
+    assert note == "f: point 9 lies 12.0 m off the straight of those before and behind it: is it a mistake?"
+    for shape in ([3.0, 12.0, 3.0], [12.0, 12.0, 12.0], [2.5, 0.0, -2.5], [1.9, 0.0, 0.0]):
+        straight[8:11, 1] = shape
+        assert odd_points(straight, None, "f") == ()
 
 
 def test_long_straights_between_dense_bends_and_repeated_points_are_no_outliers() -> None:
