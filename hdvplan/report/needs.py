@@ -34,6 +34,7 @@ from hdvplan.version import __version__
 
 Json = dict[str, object]
 _SUMMARY = "need.json"
+_BESIDE_M = 0.1  # beyond the clearance: a widening may be needed because of an obstacle this near to its plan
 _WIDENINGS = {"area": "widening.geojson", "depth": "widening_least_depth.geojson"}
 
 
@@ -85,6 +86,9 @@ def _widening_line(need: Need, widenings: Widenings) -> str:
     least = f"widening the road by {_area_text(area.area)} would do, {area.depth:.2f} m at the deepest{included}"
     other = "" if area.area == depth.area else f", or {_area_text(depth.area)} nowhere deeper than {depth.depth:.2f} m"
     stays = "; obstacles stay where they are" if any(region.kind is Kind.OBSTACLE for region in need.case.road.regions) else ""
+    near = min(area.result.approaches, key=lambda one: one.distance, default=None)
+    if near is not None and near.distance < clearance + _BESIDE_M:
+        stays += f", such as {called(near.obstacle.label)}, {max(near.distance, 0.0):.2f} m off at s = {near.s:z.1f} m"
     return f"{lacking}; {least}{other}{stays}"
 
 

@@ -10,6 +10,7 @@ from hdvplan.api import plan
 from hdvplan.case import Case
 from hdvplan.errors import PlanError
 from hdvplan.judging.bodies import corners, united
+from hdvplan.judging.clearance import Approach
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, edge_need_of, need_of
@@ -203,6 +204,10 @@ def test_the_answer_names_the_clearance_that_is_lacking_and_what_stays() -> None
     )
     assert no.startswith("NO: the bus does not fit with 0.50 m of clearance; widening the road by ")
     assert no.endswith(" m at the deepest, clearance included; obstacles stay where they are")
+    near = Approach(island, 0.53, 40.0, 40.0, 40.0, 52.0, 9.5, 0, "left", "front corner")
+    beside = replace(widening, result=replace(wide, balance=replace(wide.balance, approaches=(near,))))
+    told = need_lines(Need(asked, None, least_in_the_bend(), None, None, Widenings(beside, beside, None)))[0]
+    assert told == f"{no}, such as the obstacle 'island', 0.53 m off at s = 40.0 m"
     assert yes.startswith("YES: the bus fits within the road's own limits with 0.50 m of clearance; ")
 
 
