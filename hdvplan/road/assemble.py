@@ -18,8 +18,9 @@ from hdvplan.road.crs import LONLAT, check_lonlat, is_geographic, looks_like_deg
 from hdvplan.road.features import AREAS, LINES, POINTS, Beside, Feature, coordinates_of, flat, label_of, parts_of, role_of
 from hdvplan.road.line import RawLeg, RawRoad
 from hdvplan.road.options import RoadOptions, Role, unheeded
-from hdvplan.road.parts import one_line, without_stops
+from hdvplan.road.parts import one_line
 from hdvplan.road.properties import legs_among, with_properties
+from hdvplan.road.recorded import smoothed_in_time, without_stops
 from hdvplan.road.regions import EDGE, Kind, Region, is_island, joined, seen, walls_of, without_spurs
 from hdvplan.texts import counted, printable, some_of
 
@@ -113,9 +114,13 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
 def _drawn(line: _Line, parts: list[FloatArray], name: str, *, routes: bool) -> RawRoad:
     """Return a line with what its own properties say; ``parts`` are its own in the plane, of ``routes`` perhaps recorded ones."""
     points, notes = one_line(parts, name, directed=line.directed)
-    if routes:
-        points, told = without_stops(points, name)
+    times = line.feature.times
+    if times is not None and len(times) == len(points):
+        points, told = smoothed_in_time(points, times, name)
         notes += told
+    if routes:
+        points, stops = without_stops(points, name)
+        notes += stops
     raw = with_properties(points, line.feature.properties, name, parts=len(parts))
     return replace(raw, notes=(*raw.notes, *notes))
 

@@ -44,7 +44,7 @@ class Feature:
     """A geometry as GeoJSON has it, what is known about it, the layer it lies in, and the system of its coordinates.
 
     Without a ``system`` coordinates are lengths in a plane of their own. ``drawn`` says that a drawing program made it, which
-    knows closed lines and no polygons.
+    knows closed lines and no polygons. ``times`` (n,) [s] are those at which the points of a line were recorded.
     """
 
     geometry: object
@@ -53,6 +53,7 @@ class Feature:
     layer: str = ""
     system: str | None = None
     drawn: bool = False
+    times: FloatArray | None = None
 
 
 def labels_of(item: Json) -> tuple[str, ...]:

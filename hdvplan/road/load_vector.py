@@ -22,6 +22,7 @@ from hdvplan.road.features import POINTS, Feature
 from hdvplan.road.line import RawRoad
 from hdvplan.road.load_csv import Table, read_table
 from hdvplan.road.options import RoadOptions
+from hdvplan.road.recorded import tracks_of
 from hdvplan.road.regions import Kind
 from hdvplan.road.scenarios import NOTICE
 
@@ -178,10 +179,14 @@ def _features(source: _Source, layer: str, system: str | None, driver: str) -> l
     titles, numbers, shapes, columns = source.read(layer)
     if shapes is None:
         return []
-    geometries = _tracks(source) if (driver, layer) == _TRACKS else _geometries(shapes, source.path.name, layer)
+    if (driver, layer) == _TRACKS:
+        points, _, places, values = source.read("track_points")
+        geometries, times = tracks_of(dict(zip(points, values, strict=True)), places)
+    else:
+        geometries, times = _geometries(shapes, source.path.name, layer), [None] * len(shapes)
     titles = [title.casefold() for title in titles]
     found: list[Feature] = []
-    for number, geometry, *values in zip(numbers, geometries, *columns, strict=True):
+    for number, geometry, when, *values in zip(numbers, geometries, times, *columns, strict=True):
         properties = {title: _value(value, title) for title, value in zip(titles, values, strict=True)}
         if geometry is None or (geometry.geom_type in POINTS and not str(properties.get("subclasses")).endswith(_POINT)):
             continue
@@ -194,7 +199,7 @@ def _features(source: _Source, layer: str, system: str | None, driver: str) -> l
             properties |= {"region": region} if geometry.geom_type in {"Polygon", "MultiPolygon"} or region in list(Kind) else {}
         drawn = driver in _DRAWINGS
         shown = str(properties.get("layer", layer)) if drawn else layer
-        found.append(Feature(shapely.geometry.mapping(geometry), properties, (*labels, str(number)), shown, system, drawn))
+        found.append(Feature(shapely.geometry.mapping(geometry), properties, (*labels, str(number)), shown, system, drawn, when))
     return found
 
 
@@ -209,16 +214,6 @@ def _geometries(shapes: NDArray[np.object_], name: str, layer: str) -> list[Any]
         msg = f"{name}: layer {layer!r} has a geometry that cannot be used: {error}"
         raise RoadError(msg, hint=f"make it plain first: ogr2ogr -nlt CONVERT_TO_LINEAR road.gpkg {name}") from error
     return list(geometries)
-
-
-def _tracks(source: _Source) -> list[Any]:
-    """Return the tracks of a GPX file from its points, without segments of one point: as lines they cannot be read."""
-    titles, _, shapes, columns = source.read("track_points")
-    ids = np.column_stack([columns[titles.index(title)] for title in ("track_fid", "track_seg_id")])
-    points = shapely.get_coordinates(shapely.from_wkb(shapes))
-    segments, rows, counts = np.unique(ids, axis=0, return_inverse=True, return_counts=True)
-    lines = [[points[rows == at] for at in np.flatnonzero((segments[:, 0] == track) & (counts > 1))] for track in np.unique(ids[:, 0])]
-    return [shapely.MultiLineString(parts) if parts else None for parts in lines]
 
 
 def _value(value: Any, title: str) -> object:  # noqa: ANN401 - whatever a database holds

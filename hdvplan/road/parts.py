@@ -1,4 +1,4 @@
-"""One line from the parts of a feature, and from what a recorder wrote while it stood; and what is odd about its points."""
+"""One line from the parts of a feature, and what is odd about its points."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ from hdvplan.texts import counted
 
 _SNAP_M = 0.01
 _PAUSE_M = 25.0  # most of a track
-_STOP_M = 5.0  # from where a recorder begins to stand, within which its points scatter
-_SCATTER_M = 2.0  # of a point that it writes, at most
 _FIVE = 5  # points: one, and a straight on either side
 _STEP_M = 0.5  # shorter ones jitter
 _ASIDE_M = 2.0  # of a point that may be a mistake, from a straight through its neighbours,
@@ -48,37 +46,6 @@ def one_line(parts: list[FloatArray], name: str, *, directed: bool) -> tuple[Flo
     listed = ", ".join(f"{gap:.2f} m" for gap in sorted(gaps)[: len(pieces) - 1][:10])
     msg = f"{name}: the line's {len(parts)} parts do not join to one; from an end to the next start there are gaps of {listed}"
     raise RoadError(msg, hint="join the parts, or turn the ones that run backwards" if directed else "join them, or choose one with --id")
-
-
-def without_stops(points: FloatArray, name: str) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return a recorded track, shape (n, 2) [m], with one point for each place where it stood and went to and fro, and a note on these."""
-    left = points[np.append(True, np.any(np.diff(points, axis=0) != 0.0, axis=1))]
-    distinct, widest = len(left), 0.0
-    while (stop := _stop(left)) is not None:
-        first, last = stop
-        middle = np.mean(left[first : last + 1], axis=0)
-        widest = max(widest, float(np.max(np.hypot(*(left[first : last + 1] - middle).T))))
-        left = np.concatenate([left[:first], [middle], left[last + 1 :]])
-    if len(left) == distinct:
-        return points, ()
-    what = counted(distinct - len(left), "point")
-    return left, (f"{name}: {what} where the recorder stood left out; they scatter by up to {widest:.1f} m",)
-
-
-def _stop(points: FloatArray) -> tuple[int, int] | None:
-    """Return the first and the last point of a place where a track, shape (n, 2) [m], turns back at least twice; None without any."""
-    steps = np.diff(points, axis=0)
-    back = 1 + np.flatnonzero(np.sum(steps[1:] * steps[:-1], axis=1) < 0.0)
-    for at, first in enumerate(back.tolist()):
-        apart = np.hypot(*(points[first:] - points[first]).T)
-        stays = int(np.argmax(apart > _STOP_M)) if apart.max() > _STOP_M else len(apart)
-        last = int(back[at:][back[at:] < first + stays][-1])
-        if last > first:
-            middle = np.mean(points[first : last + 1], axis=0)
-            apart = np.hypot(*(points - middle).T)
-            near = apart <= max(_SCATTER_M, float(np.max(apart[first : last + 1])))
-            return first - int(np.argmin(near[:first][::-1])), last + int(np.argmin(near[last + 1 :]))
-    return None
 
 
 def odd_points(points: FloatArray, lines: tuple[int, ...] | None, name: str) -> tuple[str, ...]:

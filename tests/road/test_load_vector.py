@@ -26,6 +26,7 @@ from hdvplan.road.line import RawRoad
 from hdvplan.road.load import find_road, load_road
 from hdvplan.road.load_vector import read_vector
 from hdvplan.road.options import RoadOptions
+from hdvplan.road.recorded import smoothed_in_time
 from hdvplan.road.regions import Kind
 
 LONLAT = np.array([[11.950, 57.700], [11.9505, 57.700], [11.951, 57.700], [11.9513, 57.70005], [11.95138, 57.7002], [11.95138, 57.7008]])
@@ -525,19 +526,50 @@ def test_whatever_gdal_says_of_damage_is_a_refusal(tmp_path: Path, monkeypatch: 
         load_road(path)
 
 
-def test_a_track_is_read_without_its_stops_and_its_segments_of_one_point(tmp_path: Path) -> None:
-    def track(*segments: FloatArray) -> RawRoad:
-        points = ["".join(f'<trkpt lat="{lat:.8f}" lon="{lon:.8f}"/>' for lon, lat in segment) for segment in segments]
-        path = tmp_path / "t.gpx"
-        path.write_text(GPX.format("</trkseg><trkseg>".join(points)), encoding="utf-8")
-        return read_vector(path, RoadOptions())
+def track(path: Path, *segments: FloatArray, timed: bool = False) -> RawRoad:
+    """Return the road of a track; its points are a second apart where it is ``timed``."""
+    parts, second = list[str](), 0
+    for segment in segments:
+        part = ""
+        for lon, lat in segment:
+            time = f"<time>2026-05-04T09:{second // 60:02d}:{second % 60:02d}Z</time>" if timed else ""
+            part, second = f'{part}<trkpt lat="{lat:.9f}" lon="{lon:.9f}">{time}</trkpt>', second + 1
+        parts.append(part)
+    path.write_text(GPX.format("</trkseg><trkseg>".join(parts)), encoding="utf-8")
+    return read_vector(path, RoadOptions())
 
+
+def test_a_track_is_read_without_its_stops_and_its_segments_of_one_point(tmp_path: Path) -> None:
+    path = tmp_path / "t.gpx"
     moving = np.column_stack([11.97 + np.arange(30) * 1e-4, np.full(30, 57.7)])  # steps of 6 m
-    whole = track(moving)
+    whole = track(path, moving)
     assert whole.notes == ()
-    np.testing.assert_allclose(track(moving[:1], moving).points, whole.points, atol=1e-6)
+    np.testing.assert_allclose(track(path, moving[:1], moving).points, whole.points, atol=1e-6)
     scatter = np.random.default_rng(1).normal(0.0, 8e-6, (40, 2)) * [1.0, 0.5]  # 0.5 m
-    stopped = track(np.concatenate([moving[:12], moving[12] + scatter, moving[13:]]))
+    stopped = track(path, np.concatenate([moving[:12], moving[12] + scatter, moving[13:]]))
     assert re.fullmatch(r"t.gpx: 39 points where the recorder stood left out; they scatter by up to 1\.\d m", stopped.notes[0])
     np.testing.assert_allclose(stopped.points, whole.points, atol=0.3)  # the mean of 40 points of 0.5 m, both ways
-    np.testing.assert_allclose(track(moving, moving[-2::-1]).points[:30], whole.points, atol=1e-6)  # a way out and back is no stop
+    np.testing.assert_allclose(track(path, moving, moving[-2::-1]).points[:30], whole.points, atol=1e-6)  # out and back is no stop
+
+
+def test_a_recorded_track_is_smoothed_over_its_times_and_its_scatter_is_told(tmp_path: Path) -> None:
+    path, second = tmp_path / "t.gpx", np.arange(100.0)
+    along = 5.0 * np.cumsum(np.clip(np.abs(second - 50.0) / 5.0 - 1.0, 0.0, 1.0))  # 5 m/s, and a stop of ten seconds
+    metres = np.column_stack([60.0 * np.sin(along / 60.0), 60.0 - 60.0 * np.cos(along / 60.0)])
+    degrees = np.array([1.0 / 59.7e3, 1.0 / 111.4e3])
+    exact = track(path, [11.97, 57.7] + metres * degrees, timed=True)
+    assert exact.notes == ()
+    steps = np.hypot(*np.diff(exact.points, axis=0).T)
+    assert np.min(steps[:-1]) > 1.9
+    line = shapely.LineString(metres[np.append(True, np.diff(along) > 0.0)])
+    for seed in range(4):
+        scatter = np.random.default_rng(seed).normal(0.0, 0.5, (100, 2))
+        raw = track(path, [11.97, 57.7] + (metres + scatter) * degrees, timed=True)
+        assert re.match(r"t.gpx: the track is smoothed over its times; its points scatter by 0\.[4-8]\d m \(rms\)", raw.notes[0])
+        assert raw.to_lonlat is not None
+        off = shapely.distance(line, shapely.points((np.column_stack(raw.to_lonlat(*raw.points.T)) - [11.97, 57.7]) / degrees))
+        assert float(np.sqrt(np.mean(off**2))) < 0.35  # 0.5 m across the line as recorded
+        assert np.max(np.abs(np.diff(np.unwrap(np.arctan2(*np.diff(raw.points, axis=0).T[::-1]))))) < 0.7  # nor zigzag
+    backwards = track(path, np.array([[11.97, 57.7], [11.98, 57.7], [11.99, 57.7]]))
+    times = np.array([0.0, 5.0, 3.0])
+    assert smoothed_in_time(backwards.points, times, "f") == (backwards.points, ())
