@@ -161,7 +161,7 @@ def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
         found = _found(asked, vehicle)
         if found.line is not None:
             refuse_on(found.line, {"--vehicle with several names": bool(found.line.raw.legs) or found.line.long})
-        results.append(_planned(asked, found, vehicle))
+        results.append(_planned(asked, found, vehicle, again=bool(results)))
         directory = output.out or Path(f"{file_name(results[0].case.road.name)}.compared")
         write(partial(write_plan, results[-1]), directory / file_name(vehicle.name), output)
     return compare(results, directory, output)
@@ -242,12 +242,13 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
     return finish(driven, folder, output)
 
 
-def _planned(asked: _Asked, found: Found, vehicle: Vehicle) -> Result:
+def _planned(asked: _Asked, found: Found, vehicle: Vehicle, *, again: bool = False) -> Result:
+    """Return the plan, judged; what was noted of the road is not said ``again``."""
     from hdvplan import api
     from hdvplan.report.paper import check_scale
 
     options, quiet = asked.options, asked.output.quiet
-    track = smoothed(found, asked.road, quiet=quiet)
+    track = smoothed(found, asked.road, quiet=quiet or again)
     if options.side is not None and not any(one.on_line and track.regions[one.region].side is None for one in track.passages):
         warn(f"--pass {options.side} has no effect: no obstacle lies on the line, or each has a side of its own", quiet=quiet)
     case = asked.case(track, vehicle)

@@ -146,7 +146,8 @@ def _clearance(drive: Drive, s: FloatArray, touches: Touches, near: tuple[Approa
     breaches = [breach for (side, region), touch in touches.items() for breach in _breaches(drive.vehicle, s, touch, side, region)]
     breaches = [breach for breach in breaches if not _is_the_wheels_own(breach, breaches)]
     region, length = next(iter(touches))[1], drive.road.path.length
-    breaches += [_hit(approach, region) for approach in near if approach.distance < -KEPT_M and 0.0 <= approach.s <= length]
+    hits = (one for approach in near for one in approach.stretches or (approach,))
+    breaches += [_hit(one, region) for one in hits if one.distance < -KEPT_M and 0.0 <= one.s <= length]
     lowest = min(*(float(np.min(touch["gap"])) for touch in touches.values()), *(approach.distance for approach in near))
     return lowest, tuple(sorted(breaches, key=lambda breach: breach.s_from))
 

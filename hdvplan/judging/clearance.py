@@ -128,6 +128,7 @@ def _beside(touches: Records, s: FloatArray, street: Street) -> Records:
 
 _CLOSE_M = 0.4  # to an obstacle: further than any point of a vehicle moves from one simulated pose to the next
 _APART_M = 0.02  # of poses close to an obstacle: in the tightest bends a corner swings out by as much from one to the next
+_LEAP_M = 5.0  # along the road, from one stretch on which an obstacle is entered to the next
 _DIGITS = 9  # of depths, which are rounded to compare them [m]
 
 Shapes = NDArray[np.object_]
@@ -149,6 +150,14 @@ class Approach:
     unit: int
     side: str  # of the body, "left" or "right"
     part: str  # of the body, see ``contact``
+    stretches: tuple[Approach, ...] = ()  # of an obstacle that was entered in several places, such as a long one: each of them
+
+    @classmethod
+    def of(cls, stretches: list[Approach]) -> Approach:
+        """Return the one of an obstacle from those of its stretches: the deepest, from the first to the last."""
+        deepest = min(stretches, key=lambda one: round(one.distance, _DIGITS))
+        first, last = min(one.s_from for one in stretches), max(one.s_to for one in stretches)
+        return replace(deepest, s_from=first, s_to=last, stretches=tuple(stretches)) if len(stretches) > 1 else deepest
 
 
 def approaches(drive: Drive) -> tuple[Approach, ...]:
@@ -161,19 +170,20 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
         return ()
     polygons = np.array([obstacle.polygon for obstacle in obstacles], dtype=object)
     drive = _closely(drive, polygons)
-    places = _places(drive, polygons, polygons)
+    numbers, places = _places(drive, polygons, polygons)
     pose, unit = np.divmod(places["body"], len(drive.vehicle.units))
     ahead, across = _on_bodies(drive, pose, unit, places["point"])
     s = _along(drive, pose, unit, ahead, places["point"])
     lap = np.floor(s / drive.road.path.length) * drive.road.path.length if drive.road.path.closed else np.zeros(len(s))
     s, s_from, s_to = s - lap, np.fmin(places["s_from"], s) - lap, np.fmax(places["s_to"], s) - lap
     x, y = places["point"].T
-    found = []
-    for i, obstacle in enumerate(obstacles):
+    found: list[list[Approach]] = [[] for _ in obstacles]
+    for i, number in enumerate(numbers):
         side, part = "left" if across[i] > 0.0 else "right", part_named(drive.vehicle.units[unit[i]], float(ahead[i]))
         span, point = (float(s_from[i]), float(s_to[i])), (float(x[i]), float(y[i]))
-        found.append(Approach(obstacle.at(*point), float(places["distance"][i]), float(s[i]), *span, *point, int(unit[i]), side, part))
-    return tuple(found)
+        depth, obstacle = float(places["distance"][i]), obstacles[number].at(*point)
+        found[number].append(Approach(obstacle, depth, float(s[i]), *span, *point, int(unit[i]), side, part))
+    return tuple(map(Approach.of, found))
 
 
 def rooms_beside(drive: Drive, s: FloatArray) -> FloatArray:
@@ -193,19 +203,20 @@ def rooms_beside(drive: Drive, s: FloatArray) -> FloatArray:
     strips = np.asarray(shapely.convex_hull(shapely.linestrings(np.concatenate([ends[:-1], ends[1:]], axis=1))))
     number, station = shapely.STRtree(strips).query(polygons, predicate="intersects")
     parts = np.asarray(shapely.intersection(polygons[number], strips[station]))
-    np.minimum.at(rooms, station, _places(_closely(drive, polygons), parts, polygons[number])["distance"])
+    of_parts, places = _places(_closely(drive, polygons), parts, polygons[number])
+    np.minimum.at(rooms, station[of_parts], places["distance"])
     return rooms
 
 
-def _places(drive: Drive, parts: Shapes, wholes: Shapes) -> NDArray[np.void]:
-    """Return where bodies come nearest to ``parts`` of obstacles ``wholes``, or are deepest in them."""
+def _places(drive: Drive, parts: Shapes, wholes: Shapes) -> tuple[IntArray, NDArray[np.void]]:
+    """Return the numbers of ``parts`` of obstacles ``wholes`` and where bodies come nearest, or are deepest on each stretch of one."""
     bodies = outlines_of(drive)
     leaving = np.repeat(drive.poses_s > judged_to(drive), len(drive.vehicle.units))
     bodies[leaving] = shapely.intersection(bodies[leaving], _before_end(drive))
     tree = shapely.STRtree(bodies)
     within, entered = _entered(drive, parts, wholes, bodies, tree)
     apart = np.setdiff1d(np.arange(len(parts)), within)
-    return np.concatenate([entered, _nearest(parts[apart], bodies, tree)])[np.argsort(np.concatenate([within, apart]))]
+    return np.concatenate([within, apart]), np.concatenate([entered, _nearest(parts[apart], bodies, tree)])
 
 
 def _closely(drive: Drive, polygons: Shapes) -> Drive:
@@ -248,30 +259,30 @@ def _nearest(obstacles: Shapes, bodies: Shapes, tree: shapely.STRtree) -> NDArra
 
 
 def _entered(drive: Drive, parts: Shapes, wholes: Shapes, bodies: Shapes, tree: shapely.STRtree) -> tuple[IntArray, NDArray[np.void]]:
-    """Return the numbers of the parts that bodies meet, and where a body is deepest in the obstacle that is the whole of each."""
+    """Return the numbers of the parts that bodies meet, and where one is deepest in the whole of each, on every stretch of it."""
     met, inside = tree.query(parts, predicate="intersects")
     overlaps = shapely.intersection(bodies[inside], parts[met])
     within = shapely.point_on_surface(overlaps)  # corners alone would miss a wall that crosses a body from side to side
     points, owner = shapely.get_coordinates(np.concatenate([overlaps, within]), return_index=True)
     owner %= max(len(overlaps), 1)
-    order = np.argsort(met[owner], kind="stable")
-    points, owner = points[order], owner[order]
-    numbers, first = np.unique(met[owner], return_index=True)
-    places = np.empty(len(numbers), _PLACE)
-    if not len(numbers):
-        return numbers, places
+    pose, unit = np.divmod(inside[owner], len(drive.vehicle.units))
+    s = _along(drive, pose, unit, _on_bodies(drive, pose, unit, points)[0], points)
+    order = np.lexsort((s, met[owner]))
+    points, owner, s = points[order], owner[order], s[order]
+    first = np.flatnonzero(np.append(True, (np.diff(met[owner]) > 0) | (np.diff(s) > _LEAP_M)))[: len(s)]
+    places = np.empty(len(first), _PLACE)
+    if not len(first):
+        return first, places
     spots = shapely.points(points)
     in_body = shapely.distance(spots, shapely.boundary(bodies[inside])[owner])
     # How far within the outline of the body or of the obstacle, whichever is further.
     depths = np.maximum(in_body, shapely.distance(spots, shapely.boundary(wholes)[met[owner]]))
-    row = np.repeat(np.arange(len(numbers)), np.diff(np.append(first, len(owner))))
+    row = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(owner))))
     ranked = np.lexsort((-in_body, -np.round(depths, _DIGITS), row))  # of places equally deep that furthest in a body
     deepest = ranked[np.unique(row[ranked], return_index=True)[1]]
-    pose, unit = np.divmod(inside[owner], len(drive.vehicle.units))
-    s = _along(drive, pose, unit, _on_bodies(drive, pose, unit, points)[0], points)
     places["body"], places["point"], places["distance"] = inside[owner[deepest]], points[deepest], -depths[deepest]
     places["s_from"], places["s_to"] = np.minimum.reduceat(s, first), np.maximum.reduceat(s, first)
-    return numbers, places
+    return met[owner[first]], places
 
 
 def _on_bodies(drive: Drive, poses: IntArray, units: IntArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -150,7 +150,7 @@ def _amount(verdict: Verdict) -> str:
         return amount_text(verdict)
     if verdict.fits and spare < _NO_MORE_M:  # what is kept may be less by as much as is tolerated
         kept, asked = f"{verdict.clearance_wanted + spare:.2f} m", f"{verdict.clearance_wanted:.2f} m"
-        return f"{wanted} and no more" if kept >= asked else f"{kept} of {wanted}"
+        return f"{wanted} are kept" if kept >= asked else f"{kept} of {wanted}"
     between = "beyond" if verdict.fits else "of" if spare > -verdict.clearance_wanted else "with"
     return f"{amount_text(verdict)} {between} {wanted}"
 

@@ -148,7 +148,7 @@ def test_a_plan_that_comes_near_its_limits_tells_the_largest_clearance(cli: Cli,
     summary = json.loads((tmp_path / "parked_van.bus" / "summary.json").read_text(encoding="utf-8"))
     assert f"{summary['largest_clearance_m']:.2f}" == told[1]
     assert told[0] in summary["verdict"]["details"]
-    assert cli("plan", *VAN, "--clearance", "max").out.startswith(f"YES: the {told[1]} m to keep and no more")
+    assert cli("plan", *VAN, "--clearance", "max").out.startswith(f"YES: the {told[1]} m to keep are kept")
     tight = ("uturn", "--vehicle", "bus", "--half-width", "2.48", "--no-plot")
     assert "; the plan comes as near as limits allow; --clearance max finds none that keeps more" in cli("plan", *tight).out
     assert "as near as" not in cli("plan", *VAN, "--no-refine").out

@@ -19,6 +19,7 @@ from hdvplan.planning.stations import stations_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.pieces import Kerb
+from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from hdvplan.vehicle import kinematics
 from hdvplan.vehicle.load import load_vehicle
@@ -120,6 +121,19 @@ def test_a_contact_has_its_place_and_the_body_s_point() -> None:
     assert deepest["x"] == pytest.approx(30.0, abs=SAME)
     (breach,) = balance_of(done).breaches
     assert breach.place == pytest.approx((30.0, 0.5 * BUS.width), abs=SAME)
+
+
+def test_a_long_obstacle_that_is_entered_in_two_places_is_broken_in_two() -> None:
+    edge = 0.5 * BUS.width
+    wall = [(5.0, 3.0), (20.0, edge - 0.2), (35.0, 3.0), (50.0, edge - 0.1), (65.0, 3.0), (65.0, 4.0), (5.0, 4.0)]
+    walls = (Region(Kind.OBSTACLE, shapely.Polygon(wall), "wall"),)
+    road = Road("walled", arc(0.0, 80.0), Limits.constant(20.0, 20.0, 80.0), regions=walls)
+    balance = balance_of(straight(road, BUS))
+    (whole,), (first, second) = balance.approaches, balance.breaches
+    for breach, depth, s in ((first, 0.2, 20.0), (second, 0.1, 50.0)):
+        half = depth * 15.0 / (3.0 - edge + depth)  # where a side of the wall crosses that of the bus
+        assert (breach.depth, breach.s_deepest, breach.s_from, breach.s_to) == pytest.approx((depth, s, s - half, s + half), abs=1e-6)
+    assert (whole.distance, whole.s, whole.s_from, whole.s_to) == (-first.depth, first.s_deepest, first.s_from, second.s_to)
 
 
 @pytest.mark.parametrize("where", ["before the start", "beyond the end"])

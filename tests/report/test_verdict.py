@@ -117,7 +117,7 @@ def test_a_clearance_that_is_not_kept_is_a_no_although_no_limit_is_broken(bus: R
     assert line(lacking).startswith(f"NO: 0.10 m lacking of the {least + 0.1:.2f} m to keep at s = ")
     assert " beside the " in line(lacking)
     most = judged(bus, clearance=least)  # as --clearance max finds it
-    assert line(most).startswith(f"YES: the {least:.2f} m to keep and no more at s = ")
+    assert line(most).startswith(f"YES: the {least:.2f} m to keep are kept at s = ")
     assert (enough.status, lacking.status) == ("ok", "clearance not kept")
     assert not lacking.balance.breaches
 
