@@ -87,12 +87,16 @@ def _refuse(cusp: _Cusp, number: int, gap: float) -> None:
     x, y = cusp.place
     if cusp.gap > gap:
         msg = f"leg {number + 1} begins {cusp.gap:.2f} m from the end of leg {number}, which is at x {x:.2f}, y {y:.2f}"
-        raise RoadError(msg, hint="a leg begins where the one before it ends: lines are drawn in the order of driving")
+        dx, dy = -cusp.apart
+        moved = f"it is the last axle's line: move its beginning by {dx:.2f} m in x and {dy:.2f} m in y"
+        whole = "a leg begins where the one before it ends: lines are drawn in the order of driving"
+        raise RoadError(msg, hint=whole if gap == SAME_M else moved)
     if abs(cusp.turn) > LARGEST_BREAK:
         degrees = abs(np.degrees(cusp.turn))
         msg = f"the vehicle's heading changes by {degrees:.0f} degrees from leg {number} to leg {number + 1}, at x {x:.2f}, y {y:.2f}"
         wrong = "is a direction wrong? lines are drawn in the order of driving, also those that are driven backward"
         back = f"draw the beginning of leg {number + 1} back over the end of leg {number}: at a cusp a vehicle cannot turn"
+        back += "; the last axle's line begins straight, for a trailer's length" * (gap > SAME_M)
         if abs(cusp.turn - cusp.smoothed) <= LARGEST_BREAK:
             back = "smoothing turned the drawn lines there: try --smooth 0.2"
         raise RoadError(msg, hint=wrong if abs(cusp.turn) > _WRONG_WAY else back)
