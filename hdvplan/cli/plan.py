@@ -156,7 +156,8 @@ def _plan_one(asked: _Asked, vehicle: Vehicle) -> int:
 def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
     from hdvplan.report.files import write_plan
 
-    output, results = asked.output, []
+    output = asked.output
+    results: list[Result] = []
     for vehicle in vehicles:
         found = _found(asked, vehicle)
         if found.line is not None:

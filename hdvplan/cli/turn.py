@@ -21,8 +21,9 @@ from hdvplan.turning.reversing.options import SiteOptions, Template, template_na
 if TYPE_CHECKING:
     from hdvplan.turning.manoeuvre import Manoeuvre
     from hdvplan.turning.turn import Template as TurnTemplate
+    from hdvplan.vehicle.model import Vehicle
 
-_STEADY = "steady"
+_OWN, _STEADY = "vehicle", "steady"
 _GUIDE = "front-axle"
 _TURN = "Turn"  # options that describe it
 _STARTS = 4  # of every search for a manoeuvre that reverses
@@ -39,7 +40,10 @@ class TurnOptions:
     """A turn, as options describe it."""
 
     template: Annotated[str | None, Setting("A turn of a standard, a manoeuvre that reverses, or a file; --list.", "NAME|FILE.toml")] = None
-    radius: Annotated[float | None, Setting("Radius of the guided point's path [m]; needs --angle.", "M")] = None
+    radius: Annotated[
+        str | None,
+        Setting("Radius of the guided point's path [m], or vehicle, the least that its front wheels allow; needs --angle.", "M|vehicle"),
+    ] = None
     angle: Annotated[str | None, Setting("Angle of the turn [degrees]; steady: the circle, until the motion is steady.", "DEG|steady")] = (
         None
     )
@@ -50,9 +54,10 @@ class TurnOptions:
     ramp: Annotated[float | None, Setting("Length of path over which the curvature grows, and falls [m].", "M")] = None
     standstill: Annotated[bool, Setting("Turn the front wheels before the vehicle moves.")] = False
 
-    def wanted(self) -> Manoeuvre | TurnTemplate:
+    def wanted(self, vehicle: Vehicle) -> Manoeuvre | TurnTemplate:
         """Return the manoeuvre that the options describe; an ``OptionError`` where they describe none, or two."""
-        from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre
+        from hdvplan.turning.follow import tightest
+        from hdvplan.turning.manoeuvre import GuidePoint, Manoeuvre, guide_offsets
         from hdvplan.turning.turn import load_template
 
         if self.template is not None:
@@ -62,12 +67,10 @@ class TurnOptions:
             msg = "a manoeuvre needs --template, or --radius and --angle"
             raise OptionError(msg, hint="`hdvplan turn --list` names the templates")
         guide = GuidePoint(choice("--guide", self.guide or _GUIDE, list(GuidePoint)))
-        try:
-            angle = None if self.angle == _STEADY else radians(float(self.angle))
-        except ValueError as error:
-            msg = f"--angle must be a number of degrees or {_STEADY}, not {self.angle!r}"
-            raise OptionError(msg) from error
-        return Manoeuvre(self.radius, angle, guide, self.ramp or 0.0, standstill=self.standstill)
+        own, steady = self.radius == _OWN, self.angle == _STEADY
+        radius = tightest(vehicle, guide_offsets(guide, vehicle)) if own else _number("radius", self.radius, f"metres or {_OWN}")
+        angle = None if steady else radians(_number("angle", self.angle, f"degrees or {_STEADY}"))
+        return Manoeuvre(radius, angle, guide, self.ramp or 0.0, standstill=self.standstill)
 
     def refuse_more(self, hint: str | None = None) -> None:
         """Refuse, by an ``OptionError``, options that describe a turn beside a template."""
@@ -75,6 +78,14 @@ class TurnOptions:
             if getattr(self, field.name) not in {None, False}:
                 msg = f"--{field.name} contradicts --template, which says it already"
                 raise OptionError(msg, hint=hint)
+
+
+def _number(option: str, value: str, what: str) -> float:
+    try:
+        return float(value)
+    except ValueError as error:
+        msg = f"--{option} must be a number of {what}, not {value!r}"
+        raise OptionError(msg) from error
 
 
 @with_settings
@@ -115,8 +126,8 @@ def turn(
     from hdvplan.turning.turn import broken_words, verdict
     from hdvplan.turning.turn import turn as drive
 
-    kinds, wanted = output.kinds(TURN_DRAWINGS), described.wanted()
-    found = drive(vehicle_named(vehicle, quiet=output.quiet), wanted)
+    kinds, driven = output.kinds(TURN_DRAWINGS), vehicle_named(vehicle, quiet=output.quiet)
+    found = drive(driven, described.wanted(driven))
     manoeuvre, name = found.driven.manoeuvre, "" if found.template is None else found.template.name
     angle = _STEADY if manoeuvre.angle is None else f"{degrees(manoeuvre.angle):g}"
     directory = output.out or Path(file_name(f"{name or f'turn-{manoeuvre.radius:g}m-{angle}'}.{found.driven.vehicle.name}"))

@@ -63,7 +63,7 @@ def _instead(need: Need) -> str:
     """Return that a half width is of another street than the road's own, where that has edges drawn or widths that change."""
     road = need.case.road
     even = road.limits is None or (road.drawn is None and all(np.ptp(reach) == 0.0 for reach in road.limits.table(road.limits.s)))
-    return "" if even or need.side is not None else ", were the street as wide as that throughout"
+    return "" if even else ", were the street as wide as that throughout"
 
 
 def _held_line(need: Need, vehicle: str) -> str:

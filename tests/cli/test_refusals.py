@@ -79,6 +79,7 @@ REFUSED = [  # a command, and words of the error
     ("turn", "--vehicle"),
     (TURN, "--template, or --radius and --angle"),
     (f"{TURN} --radius 12 --angle right", "--angle must be a number"),
+    (f"{TURN} --radius least --angle 90", "--radius must be a number of metres or vehicle"),
     (f"{TURN} --radius -12 --angle 90", "radius = -12"),
     (f"{TURN} --radius 12 --angle 1e9", "km long"),
     (f"{TURN} --radius 12 --angle 90 --guide rear", "guide must be"),

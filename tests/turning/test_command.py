@@ -70,6 +70,12 @@ def test_a_radius_that_cannot_be_driven_ends_in_1_with_the_least_one(cli: Cli, t
     assert cli("turn", "--vehicle", "bus", *options, "--no-plot", "--quiet").code == 0
 
 
+def test_the_circle_of_a_vehicle_s_own_radius_has_its_wheels_at_their_stop(cli: Cli) -> None:  # noqa: F811
+    bus = load_vehicle("bus")
+    outcome = cli("turn", "--vehicle", "bus", "--radius", "vehicle", "--angle", "steady", "--json", "--no-plot")
+    assert json.loads(outcome.out)["radius_m"] == pytest.approx(float(np.hypot(1.0 / bus.max_curvature, bus.lead.wheelbase)), abs=1e-9)
+
+
 def test_json_has_the_agreed_names_and_nothing_else_is_said(cli: Cli) -> None:  # noqa: F811
     outcome = cli("turn", "--vehicle", "wb-62", "--radius", "15", "--angle", "90", "--json", "--no-plot")
     assert (outcome.code, outcome.err) == (0, "")
