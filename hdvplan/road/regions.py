@@ -202,10 +202,12 @@ def joined(edges: list[tuple[FloatArray, str, str]]) -> list[tuple[FloatArray, s
         closed = np.array_equal(edge[0][0], edge[0][-1])  # or a point
         (found if closed else layers.setdefault(edge[2], [])).append(edge)
     for layer, own in layers.items():
-        lines = [shapely.LineString(points) for points in snapped([points for points, _, _ in own], _MEET_M)]
-        once, each = shapely.union_all(lines, grid_size=_GRID_M), shapely.union_all(np.array(lines)[:, None], axis=1)
-        twice = float(np.sum(shapely.length(each))) - once.length > _MEET_M
-        merged = shapely.get_parts(shapely.line_merge(once if twice else shapely.MultiLineString(lines)))
+        lines = np.array([shapely.LineString(points) for points in snapped([points for points, _, _ in own], _MEET_M)])
+        later, before = shapely.STRtree(lines).query(lines, predicate="intersects")
+        under = [shapely.union_all(lines[before[(later == at) & (before < at)]]) for at in range(len(lines))]
+        once = shapely.line_merge(shapely.difference(lines, under, grid_size=_GRID_M))  # whole where they only cross
+        twice = np.sum(shapely.length(lines) - shapely.length(once)) > _MEET_M
+        merged = shapely.get_parts(shapely.line_merge(shapely.MultiLineString([*shapely.get_parts(once if twice else lines)])))
         nearest = shapely.STRtree(lines).nearest(shapely.get_point(merged, 0))
         named = [(np.array(one.coords), own[at][1], layer) for one, at in zip(merged, nearest, strict=True)]
         found += own if len(merged) == len(own) else named

@@ -297,6 +297,16 @@ def test_a_kerb_is_the_same_in_whatever_order_and_direction_its_pieces_are_drawn
     assert own.simplify(1e-6).normalize().equals_exact(shapely.LineString(kerb).normalize(), tolerance=1e-3)
 
 
+def test_kerbs_that_cross_stay_whole_where_one_is_drawn_twice(tmp_path: Path) -> None:
+    """A road that passes over itself was refused for a piece between two of its kerbs: it lay across the other arm."""
+    kerbs = [shapely.LineString(points) for points in ([(0.0, 3.0), (100.0, 21.0)], [(50.0, -30.0), (53.0, 50.0)])]
+    line, over = shapely.LineString([(0.0, 0.0), (100.0, 18.0)]), shapely.LineString([(20.0, 6.6), (30.0, 8.4)])
+    drawing = write(tmp_path / "a.dxf", [line, *kerbs, over], crs=None, Layer=["ROAD", *["KERB"] * 3])
+    found = find_road(drawing, RoadOptions(layer="ROAD")).line
+    assert found is not None
+    assert sorted(shapely.LineString(edge).length for edge in found.raw.edges) == pytest.approx(sorted(kerb.length for kerb in kerbs))
+
+
 @pytest.mark.parametrize("beginning", [3.0, 4.5])  # at the kerb, where pieces of it meet, or behind it
 def test_fences_behind_a_kerb_bound_nothing_and_are_told(tmp_path: Path, beginning: float) -> None:
     """Two of them were joined to a kerb of their own, and a street that fits was a NO by 20 m."""
