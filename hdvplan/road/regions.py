@@ -142,7 +142,7 @@ def distances(path: ReferencePath, regions: tuple[Region, ...]) -> FloatArray:
 def without_spurs(edge: FloatArray) -> tuple[FloatArray, list[shapely.Polygon]]:
     """Return an edge (n, 2) [m] without what is drawn out and back on itself, and that as walls ``SPUR_M`` thick: it has no width.
 
-    What goes back along the rest of the edge is no wall; an edge that is nothing but one way out and back is kept as it is.
+    What goes back along the rest of the edge is no wall; of an edge that is nothing but a way out and back one way is left.
     """
     points, spurs = edge, list[FloatArray]()
     while len(points) > 2:  # noqa: PLR2004 - points that make no turn
@@ -155,9 +155,12 @@ def without_spurs(edge: FloatArray) -> tuple[FloatArray, list[shapely.Polygon]]:
             points = np.delete(points, tip, axis=0)
         else:
             break
-    if not spurs or not np.any(points != points[0]):
+    if not spurs:
         return edge, []
-    walls = shapely.difference(shapely.union_all(shapely.linestrings(spurs)), shapely.buffer(shapely.LineString(points), SPUR_M))
+    drawn = shapely.union_all(shapely.linestrings(spurs))
+    if not np.any(points != points[0]):
+        points = shapely.get_coordinates(shapely.get_geometry(shapely.line_merge(drawn), 0))
+    walls = shapely.difference(drawn, shapely.buffer(shapely.LineString(points), SPUR_M))
     return points, polygons_of(shapely.buffer(shapely.line_merge(walls), 0.5 * SPUR_M, cap_style="flat", join_style="mitre"))
 
 

@@ -276,7 +276,6 @@ def test_what_an_edge_draws_out_and_back_on_itself_is_a_thin_wall() -> None:
     "edge",
     [
         [(-10.0, 5.0), (50.0, 5.0), (50.0, 1.0), (50.02, 1.0), (50.02, 5.0), (130.0, 5.0)],  # as thin as it is, it has a width
-        [(-10.0, 5.0), (130.0, 5.0), (-10.0, 5.0)],  # nothing but a way out and back
         [(0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 0.0)],
     ],
 )
@@ -284,6 +283,16 @@ def test_an_edge_without_spurs_is_kept(edge: list[tuple[float, float]]) -> None:
     left, walls = without_spurs(np.array(edge))
     np.testing.assert_array_equal(left, edge)
     assert walls == []
+
+
+@pytest.mark.parametrize(
+    "edge", [[(50.0, 1.0), (30.0, 1.0), (50.0, 1.0)], [(30.0, 1.0), (40.0, 1.0), (50.0, 1.0), (40.0, 1.0), (30.0, 1.0)]]
+)
+def test_an_edge_that_is_drawn_out_and_back_is_one_beside_another_kerb_too(edge: list[tuple[float, float]]) -> None:
+    """It bounded nothing: a bus drove over it."""
+    left, walls = without_spurs(np.array(edge))
+    assert shapely.LineString(left).normalize().equals(shapely.LineString([(30.0, 1.0), (50.0, 1.0)]))
+    assert (len(left) < len(edge), walls) == (True, [])
 
 
 def test_what_an_edge_draws_twice_along_itself_is_no_wall() -> None:
