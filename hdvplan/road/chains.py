@@ -36,14 +36,18 @@ class Bridge(NamedTuple):
 def chained(pieces: list[Kerb], path: ReferencePath) -> tuple[list[Kerb], list[Bridge]]:
     """Return one side's kerbs of pieces that follow each other, and what bridges the gaps between these.
 
-    Pieces that run beside another one, perhaps a lap on, stay as they are; what leads into a side street runs beside nothing. A line that
-    is drawn only in a side street is taken from the end that is nearer to the piece before.
+    Pieces that run beside another one, perhaps a lap on, stay as they are; what leads into a side street runs beside nothing. So do those
+    that are shorter than the gap between them, if another kerb runs beside all of it: walls. A line that is drawn only in a side street is
+    taken from the end that is nearer to the piece before.
     """
     lap = path.length if path.closed else np.inf
     chains: list[tuple[Kerb, float, float]] = []  # each with where it begins and ends beside the road
     bridges = []
-    for piece, begin, end in sorted((_beside(piece, path) for piece in pieces), key=lambda one: one[1]):
-        before = [at for at, (_, first, last) in enumerate(chains) if begin > last - OVERLAP_M and end < first + lap + OVERLAP_M]
+    placed = sorted((_beside(piece, path) for piece in pieces), key=lambda one: one[1])
+    for piece, begin, end in placed:
+        spans = [(first, last) for _, first, last in [*chains, *placed]]
+        before = [at for at, (first, last) in enumerate(spans[: len(chains)]) if begin > last - OVERLAP_M and end < first + lap + OVERLAP_M]
+        before = [at for at in before if not _are_walls(spans[at], (begin, end), spans, lap)]
         if not before:
             chains.append((piece, begin, end))
             continue
@@ -57,6 +61,12 @@ def chained(pieces: list[Kerb], path: ReferencePath) -> tuple[list[Kerb], list[B
     kerbs = _going_on([kerb for kerb, _, _ in chains], path)
     around = [(kerb, float(kerb.s[0]) + path.length) for kerb in kerbs if path.closed and kerb.goes_on]
     return kerbs, bridges + [_bridge(kerb, kerb, to) for kerb, to in around if kerb.s[-1] < to and _apart(kerb, kerb) > GAP_M]
+
+
+def _are_walls(one: tuple[float, float], after: tuple[float, float], spans: list[tuple[float, float]], lap: float) -> bool:
+    """Return whether the gap between two stretches is longer than both, and another one runs beside all of it [m]."""
+    apart = after[0] - one[1] > np.ptp(one) + np.ptp(after)
+    return apart and any((first <= one[1] and last >= after[0]) or last - first >= lap - GAP_M for first, last in spans)
 
 
 def _beside(piece: Kerb, path: ReferencePath) -> tuple[Kerb, float, float]:

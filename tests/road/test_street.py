@@ -461,6 +461,16 @@ def test_a_kerb_goes_on_from_the_one_before_it_and_not_from_a_lay_by() -> None:
     assert bridges == ()
 
 
+def test_two_walls_beside_a_whole_kerb_are_no_kerb_of_their_own() -> None:
+    """The straight between them was a kerb across the street of a bend."""
+    s = np.arange(0.0, 70.1, 0.5)
+    edges = [np.stack(BEND.to_plane(s, offset), axis=1) for offset in (4.0, -4.0)]
+    walls = [np.stack(BEND.to_plane(np.array(along), np.array([-3.0, -2.0])), axis=1) for along in ([10.0, 12.0], [50.0, 51.0])]
+    kerbs, bridges, _ = drawn_kerbs(BEND, (*edges, *walls))
+    assert bridges == ()
+    assert [kerb.goes_on for kerb in lines(kerbs, left=False)] == [True, False, False]
+
+
 def test_a_side_without_any_edge_is_open_and_told() -> None:
     kerbs, (undrawn,), notes = drawn_kerbs(arc(0.0, 100.0), (np.array([[-5.0, 3.0], [105.0, 3.0]]),))
     np.testing.assert_allclose(undrawn[:, 1], -20.0)  # drawings show it as such
