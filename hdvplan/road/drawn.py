@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import scipy  # its subpackages load when they are first used
+import shapely
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up
 from hdvplan.errors import RoadError
@@ -124,9 +125,12 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
         inside = part[beside[part]]
         if len(part) > 1 and len(inside) and (path.closed or (np.min(s[part]) < path.length + BEYOND_M and np.max(s[part]) > -BEYOND_M)):
             told = inside if len(inside) > 1 else part
-            along = part if _leads_on(s[told], offset[told]) else part[::-1]
+            left, own = bool(offset[inside[0]] > 0.0), points[part]
+            around = len(own) > 3 and np.array_equal(own[0], own[-1]) and abs(s[part[-1]] - s[part[0]]) <= _LOCATED_M  # noqa: PLR2004 - as above
+            leads_on = shapely.is_ccw(shapely.LinearRing(own)) == left if around else _leads_on(s[told], offset[told])
+            along = part if leads_on else part[::-1]
             lap = path.length * np.floor(s[along[0]] / path.length) if path.closed else 0.0
-            found.append(Kerb(points[along], rising(s[along], offset[along]) - lap, bool(offset[inside[0]] > 0.0)))
+            found.append(Kerb(points[along], rising(s[along], offset[along]) - lap, left))
     return found, notes
 
 

@@ -83,6 +83,9 @@ class Street:
         for own in np.split(order, np.flatnonzero(np.diff(pieces["kerb"][order])) + 1):  # who sees a piece sees those before it, too
             pieces["s_low"][own] = np.minimum.accumulate(pieces["s_low"][own][::-1])[::-1]
             pieces["s_high"][own] = np.maximum.accumulate(pieces["s_high"][own])
+            low, high = pieces["s_low"][own[0]], pieces["s_high"][own[-1]]
+            if np.any(pieces["ends"][own]) and high - low < BEYOND_M:
+                pieces["s_low"][own], pieces["s_high"][own] = low, high  # and of a wall the whole: each piece has its front alone
         return laid_out(pieces, end)
 
     def _across(self, pieces: Records) -> BoolArray:

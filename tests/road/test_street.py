@@ -471,6 +471,34 @@ def test_two_walls_beside_a_whole_kerb_are_no_kerb_of_their_own() -> None:
     assert [kerb.goes_on for kerb in lines(kerbs, left=False)] == [True, False, False]
 
 
+SLIVERS = [
+    [(49.7, 3.1), (51.9, 3.6), (57.2, 3.2)],
+    [(50.0, 2.5), (51.0, 8.9), (51.0, 6.6)],
+    [(50.0, 2.0), (46.0, 3.0), (44.0, 8.0), (43.0, 9.0)],
+]
+
+
+@pytest.mark.parametrize("closed", [True, False])
+@pytest.mark.parametrize("turned", [1, -1])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("corners", SLIVERS)
+def test_a_closed_edge_beside_a_bend_bounds_what_is_beside_it_from_outside(
+    corners: list[tuple[float, float]], way: float, turned: int, closed: bool
+) -> None:
+    """Past it, or where its sides run alike, only one behind it was seen, and lacked metres."""
+    path = replace(arc(0.05, 40.0 * np.pi), closed=True) if closed else BEND
+    s, aside = np.array([*corners, corners[0]])[::turned].T
+    drawn = np.stack(path.to_plane(s, way * aside), axis=1)
+    along = np.linspace(0.0, path.length, 200)
+    edges = [np.stack(path.to_plane(along, offset), axis=1) for offset in (10.0, -10.0)]
+    kerbs = tuple(kerb for kerb in drawn_kerbs(path, (*edges, drawn))[0] if not kerb.goes_on)
+    middle = np.stack(path.to_plane(along, 0.0))
+    room = rooms_of(Street.along(path, kerbs).pieces(-20.0, 120.0), along, *middle)[int(way < 0.0)]
+    seen = np.isfinite(room)
+    assert np.count_nonzero(seen) > 10
+    np.testing.assert_allclose(room[seen], shapely.distance(shapely.points(middle.T[seen]), shapely.LineString(drawn)), atol=1e-6)
+
+
 def test_a_side_without_any_edge_is_open_and_told() -> None:
     kerbs, (undrawn,), notes = drawn_kerbs(arc(0.0, 100.0), (np.array([[-5.0, 3.0], [105.0, 3.0]]),))
     np.testing.assert_allclose(undrawn[:, 1], -20.0)  # drawings show it as such
