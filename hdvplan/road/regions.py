@@ -209,7 +209,8 @@ def joined(edges: list[tuple[FloatArray, str, str]]) -> list[tuple[FloatArray, s
         later, before = shapely.STRtree(lines).query(lines, predicate="intersects")
         under = [shapely.union_all(lines[before[(later == at) & (before < at)]]) for at in range(len(lines))]
         once = shapely.line_merge(shapely.difference(lines, under, grid_size=_GRID_M))  # whole where they only cross
-        twice = np.sum(shapely.length(lines) - shapely.length(once)) > _MEET_M
+        each = shapely.union_all(lines[:, None], axis=1)  # what one draws out and back: a spur
+        twice = np.sum(shapely.length(each) - shapely.length(once)) > _MEET_M
         merged = shapely.get_parts(shapely.line_merge(shapely.MultiLineString([*shapely.get_parts(once if twice else lines)])))
         nearest = shapely.STRtree(lines).nearest(shapely.get_point(merged, 0))
         named = [(np.array(one.coords), own[at][1], layer) for one, at in zip(merged, nearest, strict=True)]
