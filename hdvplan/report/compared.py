@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
 
 from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.judging.result import Result, body_name
@@ -17,7 +16,18 @@ from hdvplan.judging.verdict import amount_text, short_verdict, strays_text, ver
 from hdvplan.report import INK, MUTED, answer_colour, body_colour
 from hdvplan.report.geojson import swept_area
 from hdvplan.report.layers import Drawn, Layer, drawn_features
-from hdvplan.report.maps import around, centre_of, draw_direction, draw_features, draw_overview, finish_map, frame, outline_of, reach_within
+from hdvplan.report.maps import (
+    around,
+    centre_of,
+    draw_area,
+    draw_direction,
+    draw_features,
+    draw_overview,
+    finish_map,
+    frame,
+    outline_of,
+    reach_within,
+)
 from hdvplan.report.rooms import Window, shown_reach, tightest_windows
 from hdvplan.report.style import SLIDE_IN, legend_above, styled, write_head
 from hdvplan.road.regions import called
@@ -115,7 +125,7 @@ def _draw_map(axes: Axes, results: Sequence[Result], tightest: Result, features:
         beyond = window.s_to - window.s_from  # as far as the map may show
         near = (envelope.s >= window.s_from - beyond) & (envelope.s <= window.s_to + beyond)
         area = swept_area(result.drive.road.path, envelope.s[near], envelope.reach_left[near], envelope.reach_right[near])
-        axes.add_patch(PathPatch(outline_of(area), facecolor="none", edgecolor=body_colour(number), linewidth=1.8, zorder=3))
+        draw_area(axes, outline_of(area), facecolor="none", edgecolor=body_colour(number), linewidth=1.8, zorder=3)
     draw_direction(axes, tightest.drive.road.path, window.s_from, window.s_to, count=2)
     frame(axes, points, room)
     finish_map(axes, north=tightest.drive.road.to_lonlat is not None)

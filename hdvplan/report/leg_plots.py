@@ -10,7 +10,6 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
 from shapely.geometry.base import BaseGeometry
 
 from hdvplan.arrays import FloatArray
@@ -19,7 +18,7 @@ from hdvplan.judging.legs import LegsResult
 from hdvplan.report import BODY_COLOURS, BREACH, INK, MUTED, answer_colour, body_colour
 from hdvplan.report.animation import LAST_MS, Pose, frames_of, gif_bytes, ground_of, paced
 from hdvplan.report.layers import Drawn, kerb_features, region_features
-from hdvplan.report.maps import ROOM_M, SLIDE, UNTURNED, Turn, draw_bodies, draw_features, finish_map, frame, outline_of, point
+from hdvplan.report.maps import ROOM_M, SLIDE, UNTURNED, Turn, draw_area, draw_bodies, draw_features, finish_map, frame, outline_of, point
 from hdvplan.report.style import ON_WHITE, SLIDE_IN, legend_above, mark_broken, styled, write_head
 from hdvplan.road.legs import direction_of
 from hdvplan.road.regions import Kind
@@ -95,7 +94,7 @@ def draw_swept(axes: Axes, ways: Sequence[Way], *, weight: float = SLIDE, turned
         label = f"swept {direction_of(backward=way.backward)}"
         look = {"facecolor": to_rgba(_COLOURS[way.backward], _PALE), "edgecolor": _COLOURS[way.backward], "linewidth": 0.6 * weight}
         area, shown = outline_of(shapely.transform(way.swept, turned)), None if label in named else label
-        axes.add_patch(PathPatch(area, label=shown, zorder=2, **look))
+        draw_area(axes, area, label=shown, zorder=2, **look)
         named.add(label)
 
 

@@ -9,13 +9,12 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
 
 from hdvplan.judging.result import body_name
 from hdvplan.report import BREACH, INK, answer_colour, body_colour
 from hdvplan.report.layers import Layer, leg_area, line_of, shown_poses, turn_features, view_of
 from hdvplan.report.leg_plots import Stop, Way, draw_lines, draw_stops, draw_swept, ends_of
-from hdvplan.report.maps import SLIDE, UNTURNED, draw_bodies, draw_features, outline_of, point, scale_bar
+from hdvplan.report.maps import SLIDE, UNTURNED, draw_area, draw_bodies, draw_features, outline_of, point, scale_bar
 from hdvplan.report.maps import Turn as TurnOf
 from hdvplan.report.style import ON_WHITE, styled, write_head
 from hdvplan.turning.follow import Followed
@@ -166,7 +165,7 @@ def _draw_blocks(axes: Axes, answer: Answer, weight: float, turned: TurnOf) -> N
         label = f"kerb, bodies may reach {overhang:.2f} m over it" if overhang > 0.0 else "wall, parked vehicle"
         colour, named = "0.92" if overhang > 0.0 else "0.8", None if overhang in seen else label
         area = outline_of(shapely.transform(block.area(view), turned))
-        axes.add_patch(PathPatch(area, facecolor=colour, edgecolor=INK, linewidth=0.8 * weight, label=named, zorder=0.5))
+        draw_area(axes, area, facecolor=colour, edgecolor=INK, linewidth=0.8 * weight, label=named, zorder=0.5)
         seen.add(overhang)
     if answer.template.docks:
         doors = turned(np.array([[view.bounds[0], 0.0], [view.bounds[2], 0.0]]))

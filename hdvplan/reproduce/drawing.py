@@ -6,13 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
-from matplotlib.patches import PathPatch
 
 from hdvplan.arrays import FloatArray
 from hdvplan.judging.bodies import corners, pose_at
 from hdvplan.judging.result import Result
 from hdvplan.report.geojson import swept_area
-from hdvplan.report.maps import draw_direction, finish_map, outline_of
+from hdvplan.report.maps import draw_area, draw_direction, finish_map, outline_of
 
 BLUE, YELLOW, GREY = "#0072B2", "#E69F00", "0.35"  # the papers' blue and yellow, as Okabe and Ito have them
 _PALE = 0.45
@@ -27,7 +26,7 @@ def area(axes: Axes, found: Result, colour: str, label: str, *, unit: int | None
     envelope = found.envelope
     left, right = (envelope.reach_left, envelope.reach_right) if unit is None else (envelope.left[unit], envelope.right[unit])
     outline = outline_of(swept_area(found.drive.road.path, envelope.s, left, right))
-    axes.add_patch(PathPatch(outline, facecolor=fill, edgecolor=colour, linewidth=0.8, label=label))
+    draw_area(axes, outline, facecolor=fill, edgecolor=colour, linewidth=0.8, label=label)
 
 
 def bodies(axes: Axes, found: Result, apart: float, colour: str) -> None:
