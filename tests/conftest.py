@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import gc
 import math
+import os
+import sys
 from collections.abc import Iterator
 
 import pytest
 
 from hdvplan.cli import console
+
+# The tests start many processes: each would translate all modules again. Workers of pytest-xdist have it from here, too.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 
 def pytest_collection_finish() -> None:
