@@ -162,6 +162,8 @@ def test_a_step_from_another_curvature_than_its_last_plan_s_steers_what_the_vehi
 
 
 def test_a_state_outside_the_model_or_the_tables_has_no_plan(tight: ExportedPlanner) -> None:
+    tight.begin(UNLIMITED)
+    tight.step(40, np.zeros(TIGHT.vehicle.states), 0.0)  # before any plan there is no motion to read
     for station, state in ((0, [0.0, 1.6]), (0, [float("nan"), 0.0]), (0, [100.0, 0.0]), (10_000, [0.0, 0.0]), (-1, [0.0, 0.0])):
         tight.step(station, np.array(state), 0.0)
         assert tight.counts[-1][0] == "beyond"
