@@ -107,12 +107,6 @@ def test_the_least_deviation_of_a_corner_matches_elementary_geometry() -> None:
     assert 0.3 * inscribed < float(needed[1]) < 0.6 * inscribed
 
 
-@pytest.mark.parametrize("aside", [0.0, 0.0001])
-def test_a_line_that_turns_back_is_refused(aside: float) -> None:
-    with pytest.raises(RoadError, match="turns back on itself near s"):
-        smoothed(np.array([[0.0, 0.0], [50.0, 0.0], [0.0, aside]]))
-
-
 def test_lengths_outside_the_useful_range_are_refused() -> None:
     with pytest.raises(RoadError, match=r"4\.00 m long; at least 5 m"):
         smoothed(np.array([[0.0, 0.0], [4.0, 0.0]]))
