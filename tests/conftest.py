@@ -9,12 +9,18 @@ import sys
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 
 from hdvplan.cli import console
 
 # The tests start many processes: each would translate all modules again. Workers of pytest-xdist have it from here, too.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+# Random examples: with every change a sample of those of ``.ci/nightly``.
+settings.register_profile("changes", max_examples=25, deadline=None)
+settings.register_profile("nightly", max_examples=150, deadline=None)
+settings.load_profile("nightly" if os.environ.get("HDVPLAN_NIGHTLY") else "changes")
 
 
 def pytest_collection_finish() -> None:

@@ -43,7 +43,7 @@ def test_a_known_drive_that_ends_in_a_bend_is_found() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bus", nightly("articulated-bus"), "tractor-trailer", nightly("a-double")])
-@pytest.mark.parametrize(("margin", "share"), [(0.05, 0.98), (0.02, 0.95)])
+@pytest.mark.parametrize(("margin", "share"), [nightly(0.05, 0.98), (0.02, 0.95)])
 def test_a_vehicle_finds_its_way_along_a_drive_with_centimetres_of_room(name: str, margin: float, share: float) -> None:
     found = np.array(answers(name, margin, range(12)))
     assert np.mean(found >= -KEPT_M) >= share

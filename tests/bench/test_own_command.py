@@ -30,6 +30,7 @@ from hdvplan.errors import OptionError
 from hdvplan.machine import machine_facts, machine_words
 from tests.bench.conftest import Cli, git
 from tests.docs.blocks import blocks_of
+from tests.nightly import nightly
 
 OURS = """
 import json, random
@@ -287,7 +288,7 @@ def theirs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         (OURS.format(slow=1.0, iterations=7), 0, "fine: no cell of 1 is slower"),
         (OURS.format(slow=1.3, iterations=7), 1, "1 of 1 cells slower, most depot: 1.30 times as long"),
-        (OURS.format(slow=1.0, iterations=8), 1, "counters changed in 1 cell"),
+        nightly(OURS.format(slow=1.0, iterations=8), 1, "counters changed in 1 cell"),
         ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", 1, "the working tree ended with SIGSEGV"),
     ],
 )

@@ -63,7 +63,7 @@ def filled(disk: Path, room_kb: int) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("room_kb", ROOMS_KB)
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", [name if name in {"plan", "study", "bench"} else nightly(name) for name in COMMANDS])
 def test_without_room_the_former_result_stays_or_the_new_one_is_there(
     cli: Cli, tmp_path: Path, disk: Path, name: str, room_kb: int
 ) -> None:

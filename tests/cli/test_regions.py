@@ -95,8 +95,8 @@ def test_a_station_that_no_axle_has_reached_is_no_reason_to_warn(cli: Cli) -> No
 
 
 def test_quiet_warns_of_nothing_and_a_fitting_vehicle_neither(cli: Cli) -> None:
-    assert "warning" not in cli("plan", "parked_van_tight", *QUICK, "--quiet").err
-    assert "warning" not in cli("plan", "parked_van", *QUICK).err
+    assert "warning" not in cli("plan", "parked_van_tight", *ONCE, "--quiet").err
+    assert "warning" not in cli("plan", "parked_van", *ONCE).err
 
 
 def test_widths_from_options_replace_the_file_s_and_obstacles_still_cut(cli: Cli, tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def obstacles_on_a_road(tmp_path: Path, *given: str | None) -> str:
 
 def test_the_sides_of_obstacles_are_found_and_told_with_what_the_others_would_have_cost(cli: Cli, tmp_path: Path) -> None:
     road = obstacles_on_a_road(tmp_path)
-    outcome = cli("plan", road, "--vehicle", "bus", "--no-plot", "--json", "--quiet")
+    outcome = cli("plan", road, *QUICK, "--json", "--quiet")
     assert (outcome.code, outcome.err) == (0, "")
     summary = json.loads(outcome.out)
     first, second = summary["passed"]
@@ -212,7 +212,7 @@ def test_wheels_pass_an_island_on_the_line_on_the_side_that_is_told(
 
 def test_the_middle_between_limits_is_that_of_the_sides_found(cli: Cli, tmp_path: Path) -> None:
     road = obstacles_on_a_road(tmp_path)
-    outcome = cli("plan", road, "--vehicle", "bus", "--no-plot", "--json", "--quiet", "--bias", "centre")
+    outcome = cli("plan", road, *QUICK, "--json", "--quiet", "--bias", "centre")
     summary = json.loads(outcome.out)
     assert outcome.code == 0
     (side,) = {passed["side"] for passed in summary["passed"]}

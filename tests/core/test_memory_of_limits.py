@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
@@ -17,7 +17,7 @@ from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
-from tests.core.chains import placed, winding
+from tests.core.chains import few, placed, winding
 from tests.core.scenes import extended, horizon_at, linearised, move, part_of, shifted
 from tests.core.twins.kinematics import evaluate
 from tests.core.twins.street import look
@@ -82,7 +82,7 @@ def check(vehicle: Vehicle, stations: Stations, first: int, z: FloatArray, part:
     ids=lambda value: getattr(value, "name", str(value)),
 )
 @given(seed=st.integers(0, 10**6))
-@settings(max_examples=25, deadline=None, derandomize=True)
+@few
 def test_what_is_remembered_of_a_side_never_promises_too_much(vehicle: Vehicle, varying: bool, seed: int) -> None:
     random = np.random.default_rng(seed)
     limits = walled(random, varying=varying)

@@ -34,7 +34,7 @@ def test_an_interruption_of_python_s_own_start_is_nobody_s_failure(code: int, fi
 _ROADS = {"road.csv": strategies.road_profiles() | strategies.road_tables(), "road.geojson": strategies.road_documents()}
 _EXAMPLES = {"road.csv": 20, "road.geojson": 3}  # obstacles are planned past on either side: a minute an example and more
 _SHOWN = 5000  # bytes of a file
-_FEW = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+_FEW = settings(derandomize=True, suppress_health_check=list(HealthCheck))
 
 
 def planned(road: str, name: str, vehicle: str) -> None:

@@ -143,7 +143,7 @@ def test_the_plan_that_needs_least_just_touches_the_kerbs_there() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=3, deadline=None, derandomize=True)
+@settings(max_examples=3, derandomize=True)
 @given(st.floats(35.0, 100.0), st.floats(-0.3, 0.3))
 def test_the_answer_agrees_with_the_plan_in_a_street_with_a_corner(degrees: float, more: float) -> None:
     case = corner(degrees)

@@ -164,7 +164,7 @@ def test_obstacles_close_each_other_one_by_one_and_only_those_beside_are_looked_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("vehicle", ["bus", "tractor-trailer"])
+@pytest.mark.parametrize("vehicle", [nightly("bus"), "tractor-trailer"])
 @pytest.mark.parametrize(
     ("seed", "count", "gaps"),
     [
@@ -180,7 +180,7 @@ def test_whatever_brute_force_finds_free_is_found(seed: int, count: int, gaps: t
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("vehicle", ["bus", "tractor-trailer"])
+@pytest.mark.parametrize("vehicle", [nightly("bus"), "tractor-trailer"])
 def test_twenty_obstacles_are_passed_free(vehicle: str) -> None:
     assert verdict_of(plan(Case(slalom(206, 20, (8.0, 32.0)), load_vehicle(vehicle)))).fits
 

@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray, IntArray
@@ -184,7 +184,6 @@ def held(sets: Sets, i: int, e: float, heading: float) -> bool:
     )
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.sampled_from([2.6, 3.2, 4.5]), st.floats(0.0, 1.0), st.floats(0.0, 1.0), steerings)
 @pytest.mark.slow
 def test_a_bus_that_fits_is_within_every_set_however_it_steers(
@@ -211,7 +210,6 @@ def test_a_bus_that_follows_the_road_fits_all_the_way_and_a_pose_askew_is_not_he
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None)
 @given(st.sampled_from([3.2, 4.0]), st.floats(-0.5, 0.5), st.floats(-0.2, 0.2), st.floats(-0.3, 0.3), steerings)
 def test_a_tractor_with_a_trailer_that_fits_is_within_every_set_however_it_steers(
     half_width: float, e: float, turned: float, gamma: float, steering: list[Steering]

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import hdvplan
@@ -27,6 +27,7 @@ from hdvplan.road.path import ReferencePath, from_curvature
 from hdvplan.road.pieces import Kerb
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
+from tests.nightly import nightly
 
 KAPPA = 0.1  # [1/m]
 SAMPLES = 4000  # of a drive: the crossing is interpolated between two, to a nanometre
@@ -77,7 +78,6 @@ def reached(frame: Frame, e: float, j: int, grid: Grid) -> tuple[np.ndarray[tupl
     return number, pieces
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     st.sampled_from([0.05, 0.1, 0.2]),
     st.sampled_from([2e-4, 1e-3]),
@@ -188,7 +188,7 @@ def test_the_three_readings_of_a_corner_are_proved_alike() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reading", READINGS)
+@pytest.mark.parametrize("reading", ["width", *map(nightly, READINGS[1:])])
 def test_a_corner_that_a_bus_gets_round_is_not_called_impossible(reading: str) -> None:
     # its leading unit needs a half width of 3.33 m: as for ``test_corners``
     assert proof_of(Case(corner(reading, 3.4), CITARO)) is None

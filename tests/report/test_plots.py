@@ -179,6 +179,7 @@ def crowded() -> Result:
     return result_of(drive, solver="riccati", objective="geometric")
 
 
+@pytest.mark.slow
 def test_every_legend_lies_within_its_picture(crowded: Result, kerbed: Result, trailer: Result) -> None:
     for figure in (drawn(crowded), drawn(kerbed), drawn(trailer), compared_figure([crowded, kerbed])):
         figure.draw_without_rendering()

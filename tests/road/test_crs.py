@@ -6,7 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
@@ -14,7 +14,6 @@ from hdvplan.errors import RoadError
 from hdvplan.road.crs import parse_crs, to_plane
 
 
-@settings(max_examples=25, deadline=None)
 @given(lon=st.floats(-180.0, 180.0), lat=st.floats(-80.0, 80.0), bearing=st.floats(0.0, 360.0))
 def test_lengths_agree_with_the_geodesic_and_points_return(lon: float, lat: float, bearing: float) -> None:
     geod = Geod(ellps="WGS84")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
@@ -75,7 +75,6 @@ bends = {
 }
 
 
-@settings(max_examples=60, deadline=None)
 @given(**bends)
 def test_samples_of_an_arc_between_straights_are_read_as_arc_and_tangents(
     per_circle: float, spacing: float, samples: float, phase: float, way: float
@@ -87,7 +86,6 @@ def test_samples_of_an_arc_between_straights_are_read_as_arc_and_tangents(
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
 @given(**bends)
 def test_samples_of_an_s_bend_of_clothoids_are_read_as_a_curve(
     per_circle: float, spacing: float, samples: float, phase: float, way: float
@@ -99,7 +97,6 @@ def test_samples_of_an_s_bend_of_clothoids_are_read_as_a_curve(
     assert largest_deviation(parts, spacing, phase) < 0.005 + 0.12 * spacing * math.pi / (4.0 * per_circle)
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     turns=st.lists(st.tuples(st.floats(35.0, 100.0), st.sampled_from([-1, 1])), min_size=1, max_size=5),
     legs=st.lists(st.floats(15.0, 60.0), min_size=6, max_size=6),
@@ -184,7 +181,6 @@ def test_round_has_no_corner_and_stays_near_the_polyline() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None)
 @given(noise=st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), min_size=5, max_size=40), spacing=st.floats(1.0, 12.0))
 def test_noise_stays_in_the_line_without_overshoot(noise: list[tuple[float, float]], spacing: float) -> None:
     points = np.array(noise) + spacing * np.stack([np.arange(len(noise)), np.zeros(len(noise))], axis=1)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import BoolArray, FloatArray
@@ -70,7 +70,6 @@ def quads(points: FloatArray, reach: FloatArray) -> shapely.Geometry:
     return shapely.union_all([shapely.make_valid(part) for part in parts])
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     turns=st.lists(st.tuples(st.floats(35.0, 100.0), st.sampled_from([-1, 1])), min_size=1, max_size=3),
     legs=st.lists(st.floats(15.0, 40.0), min_size=4, max_size=4),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 from ezdxf.filemanagement import new
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hdvplan.arrays import FloatArray
@@ -98,7 +98,6 @@ angles = st.floats(-0.6, 0.6)
 drives = st.lists(st.lists(angles, min_size=2, max_size=6), min_size=2, max_size=5)
 
 
-@settings(max_examples=60, deadline=None)
 @given(turns=drives, cusps=st.sampled_from(["twice", "before", "after"]))
 def test_any_table_of_legs_is_cut_where_its_line_turns_back(turns: list[list[float]], cusps: str) -> None:
     pose, lines = (0.0, 0.0, 0.0), []

@@ -28,6 +28,7 @@ from hdvplan.road.smooth import smooth_line
 from hdvplan.road.splines import path_through, pursued
 from hdvplan.vehicle.load import load_vehicle
 from hdvplan.vehicle.model import Vehicle
+from tests.nightly import nightly
 
 K = 0.125
 LEG_M = 60.0
@@ -46,7 +47,7 @@ def street(points: FloatArray, half_width: float, vehicle: Vehicle) -> Road:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("radius", [0.05, 0.5, 1.5, 3.05])
+@pytest.mark.parametrize("radius", [0.05, *map(nightly, (0.5, 1.5)), 3.05])
 def test_a_hairpin_whose_arms_are_too_near_to_each_other_is_driven_along(radius: float) -> None:
     points = hairpin(radius)
     line = smooth_line(points, closed=False, max_deviation=None, max_curvature=K)

@@ -138,7 +138,7 @@ steps = st.lists(
 )
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(steps=steps, closed=st.booleans(), deviation=st.sampled_from([0.1, 1.0, 5.0]))
 def test_any_polyline_keeps_the_promised_bounds_or_is_refused(steps: list[tuple[float, float]], closed: bool, deviation: float) -> None:
     length, turn = np.array(steps).T

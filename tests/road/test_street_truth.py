@@ -39,7 +39,7 @@ from tests.nightly import nightly
 CITARO, BUS = load_vehicle("citaro"), load_vehicle("bus")
 SAME_M = 0.02  # of verdicts in one street: asked for
 NEAR_M = 1.0  # what lies further from a body is found or not, and bounds nothing
-few = settings(max_examples=40, deadline=None, derandomize=True, phases=[Phase.explicit, Phase.generate])  # shrinking takes a minute
+few = settings(derandomize=True, phases=[Phase.explicit, Phase.generate])  # shrinking takes a minute
 
 
 def road_of(raw: RawRoad) -> Road:
@@ -71,7 +71,7 @@ def assert_same(one: Verdict, other: Verdict) -> None:
 
 LEG = 60.0
 CORNER = np.array([[0.0, 0.0], [LEG, 0.0], [LEG, LEG]])
-half_widths = pytest.mark.parametrize("half_width", [2.6, 2.8, 3.0, 3.2, 3.4, 3.6])
+half_widths = pytest.mark.parametrize("half_width", [*map(nightly, (2.6, 2.8, 3.0)), 3.2, 3.4, nightly(3.6)])
 
 
 @half_widths
@@ -202,7 +202,7 @@ def test_edges_of_a_road_in_an_eight_keep_to_their_arm_wherever_they_begin(first
 
 @pytest.mark.slow
 @given(street=crossings())
-@settings(few, max_examples=30)
+@few
 def test_no_random_road_that_passes_over_itself_is_bound_by_what_it_passes(street: tuple[FloatArray, float]) -> None:
     assert_the_crossing_binds_nobody(*street)
 
@@ -341,7 +341,7 @@ def test_kerbs_beside_points_of_exact_curves_are_their_parallels(count: int, spa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("straight", "half_width"), [(40.0, 12.0), (0.0, 12.0), (0.0, 15.0)])
+@pytest.mark.parametrize(("straight", "half_width"), [nightly(40.0, 12.0), nightly(0.0, 12.0), (0.0, 15.0)])
 def test_a_long_vehicle_in_hairpins_of_a_wide_street_is_answered(straight: float, half_width: float) -> None:
     """Around a line of 6 m radius; in the widest street limits lead a plan to where motion along the line has no model."""
     bend = 6.0 * math.pi
@@ -446,9 +446,9 @@ def test_a_repeated_point_changes_no_kerb(tmp_path: Path, again: float) -> None:
     assert np.max(shapely.hausdorff_distance(lines[1:], lines[0])) < 5e-3  # chords of arcs that begin and end at other points
 
 
-@pytest.mark.parametrize("half_width", [3.2, 3.6])
+@pytest.mark.parametrize("half_width", [nightly(3.2), 3.6])
 @pytest.mark.parametrize(
-    ("apart", "again", "spacing"), [(1e-7, 4, 0.26), (1e-5, 4, 0.26), (4e-3, 1, 0.03), (4e-3, 3, 1.0), (6e-3, 4, 0.26)]
+    ("apart", "again", "spacing"), [(1e-7, 4, 0.26), nightly(1e-5, 4, 0.26), (4e-3, 1, 0.03), nightly(4e-3, 3, 1.0), (6e-3, 4, 0.26)]
 )
 def test_points_beside_each_other_that_unions_and_surveys_leave_turn_no_kerb(
     half_width: float, apart: float, again: int, spacing: float

@@ -16,6 +16,7 @@ from hdvplan.qp.program import NAMES, StageQp, StageShape
 from hdvplan.qp.workspace import Status, residuals
 from tests.core.chains import few
 from tests.core.programs import copied, dense, random_program, shape
+from tests.nightly import nightly
 from tests.solvers.workspaces import GENERIC, NATIVE, generic, native, optimum
 
 each_native = pytest.mark.parametrize("name", NATIVE)
@@ -82,7 +83,7 @@ DEGENERATE = [equal_rows, empty_rows, equalities, narrow_bounds, pinned_inputs, 
 
 @each_native
 @pytest.mark.parametrize("spoil", DEGENERATE, ids=lambda f: f.__name__)
-@pytest.mark.parametrize("price", [None, 1e3])
+@pytest.mark.parametrize("price", [nightly(None), 1e3])
 def test_degenerate_programs_are_solved_as_by_another_solver(name: str, spoil: Callable[[StageQp], None], price: float | None) -> None:
     solver = native(name)
     for seed in range(3):

@@ -17,6 +17,7 @@ from hdvplan.road.path import evaluate_many, from_curvature
 from hdvplan.road.road import Road
 from hdvplan.vehicle.kinematics import axles_behind, place_many
 from tests.core.twins import tracking as twin
+from tests.nightly import nightly
 from tests.tracking.attacks import STEP_M, Driver, strayed
 from tests.tracking.scenes import SCENES, case_of
 
@@ -93,7 +94,7 @@ def attacks(made: Tracked, of: Records, half_steps: FloatArray, rng: np.random.G
     return np.stack([*found, np.ones(len(half_steps)), -np.ones(len(half_steps))])
 
 
-@pytest.mark.parametrize("name", [name if name == "bus" else pytest.param(name, marks=pytest.mark.slow) for name in VEHICLES])
+@pytest.mark.parametrize("name", ["bus", *(nightly(name) for name in VEHICLES[1:])])
 def test_no_driver_leads_a_body_beyond_its_bound(name: str) -> None:
     chain, error = bend(name), ERROR_M
     posed = chain.closely()
@@ -167,7 +168,7 @@ ERRORS = {"bus": 0.8, "rear-steered-bus": 0.2, "semitrailer-steered": 0.2, "a-do
 
 @pytest.mark.slow
 @pytest.mark.parametrize("followed", [False, True])
-@pytest.mark.parametrize("name", ERRORS)
+@pytest.mark.parametrize("name", [name if "semitrailer" in name else nightly(name) for name in ERRORS])
 def test_units_stray_no_further_than_in_python(name: str, followed: bool) -> None:
     chain, error = bend(name), ERRORS[name]
     units, links = chain.vehicle.table(), np.ascontiguousarray(chain.links[100:340])  # a straight, and most of a U-turn
@@ -223,7 +224,7 @@ def test_what_is_followed_is_only_ever_nearer() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [name if "obstacles" in name or "nose" in name else nightly(name) for name in SCENES])
 def test_the_pairs_that_errors_may_close_are_those_of_numpy(name: str) -> None:
     result = hdvplan.plan(case_of(SCENES[name]))
     chain = chain_of(result.drive)

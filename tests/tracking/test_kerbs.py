@@ -16,6 +16,7 @@ from hdvplan.judging.result import Result
 from hdvplan.judging.straying import Chain, chain_of
 from hdvplan.judging.tracking import Search, pieces_around, tracking_of
 from hdvplan.vehicle.model import Unit
+from tests.nightly import nightly
 from tests.tracking import attacks
 from tests.tracking.attacks import Driver, Motion
 from tests.tracking.scenes import SCENES, Scene, case_of
@@ -24,7 +25,8 @@ from tests.tracking.test_bound import tracked
 
 NEAR_M = 15.0  # before and beyond the places that errors aim at, in which bodies are looked at, every 0.1 m
 AIMED = 12  # places that errors aim at: those that the smallest error reaches, and others that larger ones reach
-NAMES = [name if name == "sharp corners" else pytest.param(name, marks=pytest.mark.slow) for name in SCENES]
+RUN = {"sharp corners", "obstacles in a bend"}  # with every change
+NAMES = [name if name in RUN else nightly(name) for name in SCENES]
 TOUCH_M = 1e-4  # bodies are smaller by so much: two integrations of one plan
 
 
@@ -120,6 +122,7 @@ def test_a_kerb_that_turns_away_leaves_room_to_err_beyond_its_turn() -> None:
     assert tracking.error > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_drivers_who_err_by_more_do_touch(name: str) -> None:
     scene, result, chain, error = driven(name)

@@ -29,10 +29,10 @@ def docked(vehicle: str, template: Template, spacing: float = 4.0, *, polish: bo
     ("vehicle", "template", "gain"),
     [
         ("rigid-truck", Template.DOCK_90, 0.15),
-        ("rigid-truck", Template.DOCK_45, 0.5),
-        ("tractor-semitrailer", Template.DOCK_90, 0.35),
+        nightly("rigid-truck", Template.DOCK_45, 0.5),
+        nightly("tractor-semitrailer", Template.DOCK_90, 0.35),
         ("tractor-semitrailer", Template.DOCK_45, 0.7),
-        ("WB-62", Template.DOCK_90, 1.3),
+        nightly("WB-62", Template.DOCK_90, 1.3),
     ],
 )
 def test_a_dock_needs_less_where_the_vehicle_swings_out_first(vehicle: str, template: Template, gain: float) -> None:
@@ -76,7 +76,7 @@ def test_the_apron_of_a_dock_askew_falls_with_the_spacing_of_doors() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("legs", [1, 3])
+@pytest.mark.parametrize("legs", [nightly(1), 3])
 def test_a_half_turn_between_walls_is_no_worse(legs: int) -> None:
     vehicle, options = load_vehicle("citaro"), SiteOptions(width=23.0 if legs == 1 else 15.5)
     polished, found = (reversing(vehicle, Template.THREE_POINT, options, starts=1, polish=polish).chosen for polish in (True, False))
@@ -103,8 +103,8 @@ def test_the_generator_s_answer_is_kept_where_it_is_better(monkeypatch: pytest.M
     ("vehicle", "template", "options", "gain"),
     [
         (refuse(), Template.HAMMERHEAD, SiteOptions(overhang=0.6), 0.7),
-        (load_vehicle("WB-62"), Template.DOCK_45, SiteOptions(door_spacing=4.5), 2.5),
-        (load_vehicle("WB-40"), Template.DOCK_45, SiteOptions(door_spacing=5.5), 0.5),
+        nightly(load_vehicle("WB-62"), Template.DOCK_45, SiteOptions(door_spacing=4.5), 2.5),
+        nightly(load_vehicle("WB-40"), Template.DOCK_45, SiteOptions(door_spacing=5.5), 0.5),
     ],
     ids=["hammerhead", "WB-62", "WB-40"],
 )
