@@ -169,6 +169,8 @@ def tracking_line(result: Result) -> str:
     held = (
         f"holds while the driver keeps the front axle within {stray_text(tracking.error)} of the path, "
         f"its course within {course:.1f} degrees, without slip"
+        if tracking.error * _CENTI >= 1.0
+        else "leaves the driver no room to stray"
     )
     if not tracking.decided:
         return f"{held}; of more nothing is known"

@@ -155,3 +155,10 @@ def test_the_tube_in_the_picture_lies_around_what_is_swept_and_within_the_street
         assert (low, high) == pytest.approx((-1.47, 1.47), abs=5e-3)  # a corner decides: it comes to the kerb
         assert last - first == pytest.approx(s_to - s_from + 12.0, abs=0.3)  # the bus is 12 m long, poses are 0.25 m apart
     assert tubes_of(planned(straight.drive.road.with_limits(1.265, 1.265)), [(10.0, 30.0)]) == []
+
+
+def test_a_plan_with_a_millimetre_to_spare_leaves_its_driver_no_room(straight: Result) -> None:
+    half = 0.5 * straight.drive.vehicle.width + 1e-3
+    assert tracking_line(planned(straight.drive.road.with_limits(half, half))).startswith(
+        "leaves the driver no room to stray; decided at s = "
+    )
