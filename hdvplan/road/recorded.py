@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import scipy  # its subpackages load when they are first used
 import shapely
 from numpy.typing import NDArray
-from scipy.interpolate import make_smoothing_spline
 
 from hdvplan.arrays import FloatArray
 from hdvplan.texts import counted
@@ -47,7 +47,7 @@ def smoothed_in_time(points: FloatArray, times: FloatArray, name: str) -> tuple[
     times, own = np.unique(times, return_index=True)  # of points at one time the first
     if len(times) < _FEWEST:
         return points, ()
-    smooth = np.column_stack([make_smoothing_spline(times, column)(times) for column in points[own].T])
+    smooth = np.column_stack([scipy.interpolate.make_smoothing_spline(times, column)(times) for column in points[own].T])
     moved = np.hypot(*(smooth - points[own]).T)
     kept = [0]
     for at, point in enumerate(smooth.tolist()):
