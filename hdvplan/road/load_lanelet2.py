@@ -12,7 +12,10 @@ from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import shapely
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from shapely.ops import nearest_points, substring
 
 from hdvplan.errors import RoadError
@@ -26,9 +29,10 @@ from hdvplan.texts import some_of
 _MARK = re.compile(rb"""<tag\s+k=["']type["']\s+v=["']lanelet["']""")
 _NODE = re.compile(rb"""<node\s[^>]*>""")
 _PLACE = re.compile(rb"""\s(lat|lon)=["']([^"']*)""")
-_PARTS = ("core", "io", "projection", "routing", "traffic_rules")
+_PARTS = ("core", "geometry", "io", "projection", "routing", "traffic_rules")
 _RULES = ("de", "vehicle")  # of who may drive where: the library has no others
 _LISTED = 12
+_WAYS, _TRIED = 6, 1000  # that are told; places at which ways begin, for the longest of them
 
 
 def is_lanelet2(path: Path) -> bool:
@@ -138,6 +142,8 @@ def _route(library: SimpleNamespace, lanelets: Any, road_ids: str | Sequence[str
     """Return the lanelets of the shortest way over those that are wanted, one after the other."""
     rules = library.traffic_rules.create(*_RULES)
     driven = {_id(way): way for one in lanelets.laneletLayer for way in (one, one.invert()) if rules.canPass(way)}
+    if road_ids is None and len({lanelet.id for lanelet in driven.values()}) != 1:
+        raise _unchosen(library, lanelets, driven, name)
     stops, graph = _stops(driven, road_ids, name), library.routing.RoutingGraph(lanelets, rules)
     routes = [(0.0, [way]) for way in stops[0]]
     for before, after in pairwise(stops):
@@ -149,19 +155,50 @@ def _route(library: SimpleNamespace, lanelets: Any, road_ids: str | Sequence[str
     return min(routes, key=lambda one: one[0])[1]
 
 
+def _unchosen(library: SimpleNamespace, lanelets: Any, driven: dict[str, Any], name: str) -> RoadError:  # noqa: ANN401
+    """Return what is said where no lanelet is chosen: how many there are, and some of the longest ways that do not cross themselves."""
+    found: list[tuple[float, str]] = []
+    for choice in _longest_first(library, lanelets, driven)[:_LISTED]:
+        whole = library.core.LaneletSequence(_route(library, lanelets, choice, name))
+        middle, *bounds = (shapely.LineString([(p.x, p.y) for p in line]) for line in (whole.centerline, whole.leftBound, whole.rightBound))
+        if not middle.intersects(shapely.union_all(bounds)):
+            found.append((middle.length, choice))  # shorter where the other direction of its last lanelet is nearer
+    told = [f"{choice} ({length:.0f} m)" for length, choice in sorted(found, reverse=True)[:_WAYS]]
+    count = len({lanelet.id for lanelet in driven.values()})
+    msg = f"{name}: {count} lanelets that vehicles drive, and none is chosen; long ways are {', '.join(told)}"
+    return RoadError(msg, hint=f"choose where to drive, such as with --road-ids {told[0].partition(' ')[0] if told else 'FROM,TO'}")
+
+
+def _longest_first(library: SimpleNamespace, lanelets: Any, driven: dict[str, Any]) -> list[str]:  # noqa: ANN401
+    """Return ways as users choose them, for each lanelet at which some end that of the furthest beginning, the longest first."""
+    graph = library.routing.RoutingGraph(lanelets, library.traffic_rules.create(*_RULES))
+    names, number = list(driven), {way: index for index, way in enumerate(driven)}
+    length = np.array([library.geometry.length2d(lanelet) for lanelet in driven.values()])
+    follows = [(number[way], number[_id(after)]) for way, lanelet in driven.items() for after in graph.following(lanelet)]
+    begins, ends = np.array(follows, dtype=int).reshape(-1, 2).T
+    links, entries = csr_array((length[ends], (begins, ends)), shape=(len(names), len(names))), np.setdiff1d(np.arange(len(names)), ends)
+    longest: dict[str, tuple[float, str]] = {}
+    for entry in (entries if len(entries) else np.arange(len(names)))[:_TRIED].tolist():
+        way = dijkstra(links, indices=[entry])[0]
+        end = int(np.argmax(np.where(np.isfinite(way), way, -1.0)))
+        choice = names[entry] if end == entry else f"{names[entry]},{names[end]}"
+        longest[names[end]] = max(longest.get(names[end], (0.0, "")), (length[entry] + way[end], choice))
+    return [choice for _, choice in sorted(longest.values(), reverse=True)]
+
+
 def _stops(lanelets: dict[str, Any], road_ids: str | Sequence[str] | None, name: str) -> list[list[Any]]:
     """Return those of the lanelets that are wanted, by what they are called; without a minus sign in either direction."""
     there = sorted({one.removeprefix("-") for one in lanelets}, key=int)
-    listed = some_of(there, _LISTED)
-    if road_ids is None and len(there) != 1:
-        msg = f"{name}: {len(there)} lanelets that vehicles drive, and none is chosen: {listed}"
-        raise RoadError(msg, hint="choose where to drive, such as with --road-ids FROM,TO of `hdvplan plan`")
     wanted = there if road_ids is None else ids_of(road_ids)
     found = [[lanelets[way] for way in (one, f"-{one}") if way in lanelets] for one in wanted]
     unknown = next((one for one, ways in zip(wanted, found, strict=True) if not ways), None)
     if unknown is not None:
         one_way = unknown.startswith("-") and unknown[1:] in there
-        what = f"lanelet {unknown[1:]} is one-way" if one_way else f"vehicles drive no lanelet {unknown!r}; there are {listed}"
+        what = (
+            f"lanelet {unknown[1:]} is one-way"
+            if one_way
+            else f"vehicles drive no lanelet {unknown!r}; there are {some_of(there, _LISTED)}"
+        )
         msg = f"{name}: {what}"
         raise RoadError(msg)
     return found
