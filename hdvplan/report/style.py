@@ -40,7 +40,9 @@ _STYLE = {
     "axes.labelcolor": INK,
     "axes.labelsize": "small",
     "axes.linewidth": 0.7,
-    "axes.prop_cycle": cycler(color=[*BODY_COLOURS, "#D55E00", "#56B4E9", "#000000"]),  # Okabe and Ito's, but for the yellow
+    "axes.prop_cycle": cycler(
+        color=[*BODY_COLOURS, "#D55E00", "#56B4E9", "#000000", "#999999", "#7F4F24", "#B5A900"]  # Okabe and Ito's, with a darker yellow
+    ),
     "axes.spines.right": False,
     "axes.spines.top": False,
     "figure.constrained_layout.h_pad": 0.06,

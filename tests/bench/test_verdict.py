@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
-from hdvplan.bench.measuring.pictures import bench_figure, pictured, share_within
+from hdvplan.bench.measuring.pictures import bench_figure, order_of, pictured, share_within
 from hdvplan.bench.measuring.ranking import Finding, Load, findings_of, load_of
 from hdvplan.bench.measuring.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
 from hdvplan.bench.measuring.stats import Tables, tables_of
@@ -166,8 +166,10 @@ def test_a_profile_counts_what_a_solver_was_given_and_failures_never_come() -> N
         rival=[made_up([0.1, 0.002, 0.002, 0.002])],
         stopped=[made_up([0.1, 0.008], outcome=OVER_BUDGET, shift=None)],
         failed=[made_up([0.1, 0.001], outcome=FAILED, shift=None)],
+        never=[made_up([0.1], outcome=FAILED, shift=None)],
     )
-    shown = pictured(found.samples, found.timing, ["riccati", "rival", "stopped", "failed"])
+    shown = pictured(found.samples, found.timing, ["riccati", "rival", "stopped", "failed", "never"])
+    assert list(shown.ratios) == ["riccati", "rival", "stopped", "failed"]  # a line on zero says nothing
     assert shown.steps == 3
     np.testing.assert_allclose(shown.ratios["riccati"], [1.0, 1.0, 2.0])
     np.testing.assert_allclose(shown.ratios["stopped"], [8.0])
@@ -185,6 +187,12 @@ def test_what_is_timed_of_a_sample_is_called_a_qp() -> None:
     assert [one.get_ylabel() for one in axes] == ["share of QPs", "", "QP [ms]", "QP [ms]"]
     assert axes[1].get_xlabel() == "QP [ms]"
     assert axes[3].get_xlabel() == "e_y off the optimum, at most [m]; below 1e-14 drawn there"
+
+
+def test_ten_solvers_have_ten_colours() -> None:
+    found = tables(**{f"solver{number}": [made_up([0.1, 0.001])] for number in range(10)})
+    figure = bench_figure(pictured(found.samples, found.timing, order_of(found.summary)), "title", "caption")
+    assert len({line.get_color() for line in figure.axes[0].get_lines()}) == 10
 
 
 def test_numbers_on_axes_are_no_formulas() -> None:

@@ -24,7 +24,7 @@ from hdvplan.report.style import figure_bytes, plain_decades, styled
 _SIZE_IN = (11.0, 8.5)
 _DASHES = ("-", "--", ":")
 _MARKS = ("o", "s", "^", "D", "v", "P", "X")
-_COLOURS = 7  # of the style's cycle
+_COLOURS = 10  # of the style's cycle
 _ALONG = 5  # solvers drawn along the road, those in front: more lines hide each other
 _EXACT_M = 1e-14  # where a distance of zero is drawn
 _FURTHEST = 1e4  # factor at which a profile ends
@@ -59,7 +59,7 @@ def bench_figure(shown: Pictured, title: str, caption: str) -> Figure:
         _accuracy(axes[1, 1], shown)
         figure.suptitle(title, fontsize="medium", fontweight="bold", x=0.01, ha="left")
         handles, labels = axes[0, 0].get_legend_handles_labels()
-        legend = figure.legend(handles, labels, loc="outside lower left", ncols=min(5, len(labels)), title=caption, alignment="left")
+        legend = figure.legend(handles, labels, loc="outside lower left", ncols=min(5, len(labels) or 1), title=caption, alignment="left")
         legend.get_title().set(fontsize="x-small", color=MUTED)
     return figure
 
@@ -84,7 +84,7 @@ def captions_of(record: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _look(number: int) -> dict[str, object]:
-    """Return colour and dashes of solver ``number``: no two of twenty-one are alike."""
+    """Return colour and dashes of solver ``number``: no two of thirty are alike."""
     return {"color": f"C{number % _COLOURS}", "linestyle": _DASHES[number // _COLOURS % len(_DASHES)], "linewidth": 1.6}
 
 
@@ -200,9 +200,10 @@ def order_of(summary: pd.DataFrame) -> list[str]:
 
 
 def pictured(samples: pd.DataFrame, timing: pd.DataFrame, order: Sequence[str]) -> Pictured:
-    """Return what is drawn of a finished benchmark's tables, for the solvers in ``order``."""
+    """Return what is drawn of a finished benchmark's tables, for the solvers in ``order`` that have an accepted step."""
     ranked = ranked_times(samples)
     good = ranked[ranked["accepted"]]
+    order = [solver for solver in order if (good["solver"] == solver).any()]
     best = good.groupby(_STEP)["ms"].min()
     stopped = {tuple(map(str, key)) for key in timing.loc[timing["status"] == OVER_BUDGET, KEY].itertuples(index=False, name=None)}
     ratios = {}
