@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from hdvplan.bench.measuring.ranking import ranked_times
-from hdvplan.bench.measuring.samples import FAILED, NUMBERS, OVER_BUDGET, Measurement
+from hdvplan.bench.measuring.samples import FAILED, NUMBERS, OVER_BUDGET, WRONG, Measurement
 from hdvplan.bench.measuring.stats import SOME_REFUSED, SOME_UNSOLVED, status_of, tables_of
 from hdvplan.bench.measuring.timing import accuracy, captions, summary_tables
 from hdvplan.bench.suite import Cell, Suite
@@ -153,6 +153,26 @@ def test_the_schemes_in_the_terminal_name_the_class_of_limits_where_there_are_an
     table = summary_tables(vars(tables_of(cells, [[made_up([9.0, 0.01, 0.03])]] * len(cells))))[-1]
     columns = {str(column.header): list(map(str, column.cells)) for column in table.columns}
     assert columns.get("limits", ["as set"]) == list(classes)
+
+
+def test_the_schemes_in_the_terminal_are_ratios_of_the_steps_above_and_leave_out_what_is_not_ok() -> None:
+    cells = [cell(scheme, solver) for scheme in (RTI, SQP) for solver in ("riccati", "piqp")]
+    rounds = [[made_up([9.0, 0.01, 0.02])], [made_up([9.0, 0.01])], [made_up([9.0, 0.03, 0.05])], [made_up([9.0, 0.01])]]
+    for (drive,), took in ((rounds[0], 0.01), (rounds[2], 0.02)):
+        drive.steps[1:, NUMBERS.index("cpu_s")] = took  # by the clock they took twice to three times as long: others had the core
+    rounds[3][0].steps[1, NUMBERS.index("usable")] = 0.0
+    table = summary_tables(vars(tables_of(cells, rounds)))[-1]
+    columns = [list(map(str, column.cells)) for column in table.columns]
+    assert list(zip(*columns, strict=True)) == [("bus", "riccati", "2.00", "2.00", "0.0e+00"), ("bus", "piqp", "-", "-", "-")]
+
+
+@pytest.mark.parametrize(("off", "status"), [(0.0, SOME_UNSOLVED), (0.1, WRONG)])
+def test_a_path_that_bad_steps_did_not_spoil_is_no_merit_of_theirs(off: float, status: str) -> None:
+    careless = replace(made_up([0.1, 0.01, 0.01], shift=1e-10), distances=np.tile([off, 0.0, 1.0], (3, 1)))
+    careless.steps[2, NUMBERS.index("usable")] = status == WRONG  # else the last plan was driven instead
+    tables = tables_of([cell(), cell(solver="piqp")], [[made_up([0.1, 0.01, 0.01])], [careless]])
+    assert tables.timing["status"].tolist() == ["ok", status]
+    assert tables.envelope["path_difference_m"].isna().tolist() == [False, True]
 
 
 def test_the_summary_pools_the_steps_of_all_roads() -> None:

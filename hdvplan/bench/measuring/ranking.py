@@ -78,6 +78,13 @@ def ranking(group: pd.DataFrame, times: pd.DataFrame) -> pd.DataFrame:
     return group.sort_values(["proved", "ratio"], ascending=[False, True], kind="stable", na_position="last")
 
 
+def scheme_ratios(summary: pd.DataFrame, named: list[str]) -> pd.DataFrame:
+    """Return how many times as long SQP takes as RTI, ``step_ms`` and ``worst_ms``, by columns ``named``: of solvers proved in both."""
+    proved = summary[summary["proved"].astype(bool)].set_index(named)
+    sqp, rti = (proved.loc[proved["scheme"] == scheme, ["step_ms", "worst_ms"]] for scheme in ("sqp", "rti"))
+    return (sqp / rti).dropna()
+
+
 LEVEL = 1.05  # solvers within 5 % are level: the same program differs by 1 to 1.7 % between two processes (standard deviation)
 BUSY_LEVEL = 1.2  # on a busy machine, where two rounds may both be disturbed
 _SAME_PATH_M = 1e-3

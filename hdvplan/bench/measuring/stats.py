@@ -183,7 +183,8 @@ def envelope_table(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]
     """Return the envelope balance of every cell; NaN where the drive did not reach its end.
 
     ``path_difference_m`` is the largest difference of the executed e_y from the reference solver's under the same scheme; NaN where that
-    cell is not ok: a path that is wrong measures none.
+    cell is not ok, a path that is wrong measures none, and of a cell with steps that cannot be driven or with wrong optima: its path is
+    that of the last plan, or of a later iteration.
     """
     drives = dict(zip(cells, rounds, strict=True))
     known = {cell: measured[0].judgement for cell, measured in drives.items()}
@@ -191,7 +192,8 @@ def envelope_table(cells: Sequence[Cell], rounds: Sequence[Sequence[Measurement]
     sound = {cell for cell, measured in drives.items() if cell.solver == reference and status_of(measured, accuracy)[0] == OK}
     rows = []
     for cell, judgement in known.items():
-        like = known[other] if (other := replace(cell, solver=reference)) in sound else None
+        own = status_of(drives[cell], accuracy)[0] not in {SOME_UNSOLVED, WRONG}
+        like = known[other] if own and (other := replace(cell, solver=reference)) in sound else None
         rows.append(dict(zip(KEY, key_of(cell), strict=True)) | _swept(judgement, like))
     return pd.DataFrame(rows)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 from rich.table import Table
 from rich.text import Text
 
-from hdvplan.bench.measuring.ranking import Finding, Load, group_words, how_ranked, unit_of
+from hdvplan.bench.measuring.ranking import Finding, Load, group_words, how_ranked, scheme_ratios, unit_of
 from hdvplan.bench.measuring.referee import DUAL, PRIMAL_M
 from hdvplan.bench.measuring.samples import OK, WRONG, WRONG_PATH
 from hdvplan.bench.measuring.stats import SOME_REFUSED, SOME_UNSOLVED, Tables, reference_solver
@@ -132,7 +133,8 @@ def captions(
         f"error from that with {reference_solver(suite.solvers)} under the same scheme. {setting} {accuracy(tables.summary, tolerances)}"
     )
     schemes = (
-        f"SQP to convergence against RTI: times in milliseconds, every step counted with its fastest round; executed envelopes. {setting}"
+        "SQP to convergence against RTI: times in milliseconds by the clock, every step counted with its fastest round; "
+        f"executed envelopes. {setting}"
     )
     return {"timing": times, "envelope": swept, "schemes": schemes, "summary": f"All roads together. {times}"}
 
@@ -161,12 +163,12 @@ def shown(table: pd.DataFrame, name: str) -> pd.DataFrame:
     if name == "summary":  # what refuses steps is no faster for it; what its budget stopped has all that it did accepted
         table = table.assign(ratio=table["ratio"].where(table["proved"].eq(True) | table["whole"].eq(False) & table["success"].eq(1.0)))
     plain = _ALWAYS in table and (table[_ALWAYS] == AS_SET).all()
-    columns = {
-        heading: ["-" if pd.isna(value) or value == "" else form.format(value) for value in table[column]]
-        for column, (heading, form) in layout.items()
-        if not (plain and column == _ALWAYS)
-    }
-    return pd.DataFrame(columns, dtype=str)
+    kept = {column: look for column, look in layout.items() if not (plain and column == _ALWAYS)}
+    return pd.DataFrame({heading: [_text(value, form) for value in table[column]] for column, (heading, form) in kept.items()}, dtype=str)
+
+
+def _text(value: Any, form: str) -> str:  # noqa: ANN401 - of any column
+    return "-" if pd.isna(value) or value == "" else form.format(value)
 
 
 def markdown(table: pd.DataFrame, name: str, caption: str, foot: Sequence[str]) -> str:
@@ -255,12 +257,10 @@ def summary_tables(tables: Mapping[str, pd.DataFrame], tolerances: Mapping[str, 
         found.append(grid(title, list(text.columns), text.itertuples(index=False, name=None), text=_TEXT, caption=caption))
     if len(schemes):
         named = ["vehicle", "solver"] if (schemes[_ALWAYS] == AS_SET).all() else ["vehicle", "solver", _ALWAYS]
-        pooled = schemes.groupby(named, sort=False, as_index=False).agg(
-            mean=("mean_ratio", "mean"), most=("max_ratio", "max"), differ=("envelope_difference_m", "max")
-        )
-        rows = [(*key, f"{mean:.2f}", f"{most:.2f}", f"{differ:.1e}") for *key, mean, most, differ in pooled.itertuples(index=False)]
-        columns = (*named, "mean", "largest of max", "envelopes differ [m]")
-        found.append(grid("SQP / RTI, every step with its fastest round", columns, rows, text=_TEXT))
+        differ = schemes.groupby(named, sort=False)["envelope_difference_m"].max()
+        pooled = scheme_ratios(summary, named).join(differ).reindex(differ.index)
+        rows = [(*key, *map(_text, own, (_RATIO, _RATIO, _TINY))) for key, own in zip(pooled.index, pooled.to_numpy(), strict=True)]
+        found.append(grid(f"SQP / RTI: {one} as above", (*named, "step", "worst", "envelopes differ [m]"), rows, text=_TEXT))
     before = f"{found[-1].caption}\n" if found[-1].caption else ""
     fair = "" if tolerances or summary["solver"].nunique() < 2 else f"\n{_FAIR}"  # noqa: PLR2004 - nothing to compare
     found[-1].caption = Text(f"{before}{accuracy(summary, tolerances)}{fair}")
