@@ -34,7 +34,7 @@ def reproduce(
 
     Published numbers are beside ours. Writes NAME.md and NAME.csv (the table), NAME.png (the figure in the paper's layout), NAME-data.csv
     and NAME-run.json (what was driven, with which versions, on which machine) for every study, and a summary of all that are in DIR. Where
-    published numbers and ours differ by more than the reading error, a remark says why, or that it is not explained.
+    published numbers and ours differ by more than the reading error (a column), a remark says why, or that it is not explained.
     """
     chosen = NAMES if choice("NAME", name, [*NAMES, _ALL]) == _ALL else (name,)
     check_folder(out)

@@ -23,6 +23,7 @@ from hdvplan.road.scenarios import Scenario, uturn, uturn_profile
 from hdvplan.vehicle.load import load_vehicle
 
 _CURVATURES = (0.057, 0.061)  # that [GEO]'s road may have, which is read off a figure [1/m]
+_LIMITED = "the limit is at 3.0 m: it decides both numbers"
 _EXPECTED = "what the balanced circle at the largest curvature needs on either side"
 # [BUS]'s road is not published. On this one a rear axle in the middle lets the overhang out by about as much as theirs.
 _CURVATURE, _RAMP_M, _LANE_M = 0.045, 12.0, 3.5
@@ -40,7 +41,7 @@ def bus_uturn(on_progress: Progress) -> Study:
     on_progress(0.2)
     expected = proposed.expected.half_width
     rows = [
-        Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, previous.balance.max_right),
+        Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, previous.balance.max_right, _LIMITED),
         Row("previous method, max left", "m", published.UTURN_PREVIOUS_LEFT, previous.balance.max_left),
         Row("proposed method, max right", "m", published.UTURN_PROPOSED_RIGHT, proposed.balance.max_right),
         Row("proposed method, max left", "m", published.UTURN_PROPOSED_LEFT, proposed.balance.max_left),

@@ -24,6 +24,7 @@ from hdvplan.vehicle.load import load_vehicle
 
 # Where the motion is stationary: 35 m behind the ramp in, and well before the plan prepares for the ramp out.
 CONSTANT_M = (91.0, 170.0)
+_FITTED = "the vehicle's dimensions are solved from it"
 _SIMULATED = "an Euler plan of the whole predicts theirs (its row in roundabout.md); ours is measured on the exact simulation"
 _SAMPLED = "not explained: on the constant part theirs is 2.26 m right and 2.20 m left, where they expect 2.27 m on both sides"
 
@@ -69,9 +70,9 @@ def _rows(planned: Result, believed: Result, curves: dict[str, FloatArray]) -> t
         Row("max right", "m", published.ROUNDABOUT_RIGHT, planned.balance.max_right, _SAMPLED),
         Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, believed.balance.max_left, counted=False),
         Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, believed.balance.max_right, _SAMPLED, counted=False),
-        Row("expected half width", "m", published.ROUNDABOUT_EXPECTED, float(planned.expected.half_width.max())),
-        Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle])),
-        Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2])),
+        Row("expected half width", "m", published.ROUNDABOUT_EXPECTED, float(planned.expected.half_width.max()), _FITTED),
+        Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle]), _FITTED),
+        Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2]), _FITTED),
     ]
     for name, words, unit in (("kappa", "curvature", "1/m"), ("beta", "articulation", "rad")):
         s, off = found[name]

@@ -31,7 +31,7 @@ _CORNER = "not reproduced: with a square front the corner runs here; a cab with 
 _ANGLE = "not reproduced, though the inside radius is, and both follow from the same wheelbases; not explained"
 _PRINTED = {"WB-67": "the figure prints 0.59 m beside 1.9 ft"}
 _RECALLED = "no figure that could be read in a source"
-_WHEELBASE = "the abstract gives no wheelbase: ours is"
+_WHEELBASE = "the abstract gives no wheelbase: one that meets it is"
 _CLOSED = "closed form, not published:"
 
 

@@ -78,8 +78,10 @@ class Study:
         """Return the rows as numbers; NaN where nothing is published."""
         names = ("quantity", "unit", "published", "ours", "status", "remark")
         table = pd.DataFrame([[getattr(row, name) for name in names] for row in self.rows], columns=list(names))
-        table["published"] = [np.nan if row.published is None else row.published.value for row in self.rows]
+        known = [Number(np.nan, np.nan) if row.published is None else row.published for row in self.rows]
+        table["published"] = [number.value for number in known]
         table.insert(4, "difference", table["ours"] - table["published"])
+        table.insert(3, "reading_error", [number.reading_error for number in known])
         return table
 
 
@@ -124,7 +126,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table as text: four significant digits, a dash where there is no value."""
     text = pd.DataFrame(index=table.index)
     for column in table.columns:
-        numeric = column in {"published", "ours", "difference"}
+        numeric = column in {"published", "reading_error", "ours", "difference"}
         text[column] = [_number(value, signed=column == "difference") if numeric else str(value) for value in table[column]]
     return text
 

@@ -61,6 +61,7 @@ def test_a_table_keeps_its_numbers_and_says_nothing_where_nothing_is_published()
     table = made_up("one", *ROWS).table()
     assert table["difference"][1] == 0.5
     assert np.isnan(table["published"][2])
+    assert np.array_equal(table["reading_error"], [np.nan if row.published is None else row.published.reading_error for row in ROWS], True)
     text = shown(table)
     assert list(text["published"]) == ["2.000", "2.000", "-", "2.000", "2.000"]
     assert list(text["difference"]) == ["+0.0050", "+0.5000", "-", "+0.5000", "+0.5000"]
