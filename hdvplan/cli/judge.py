@@ -85,7 +85,7 @@ def judge(
     from hdvplan.case import Case
     from hdvplan.driving.given import read_given_path
     from hdvplan.fileio import csv_bytes, write_atomically
-    from hdvplan.loop.closed import closed_loop, loop_json, loop_text
+    from hdvplan.loop.closed import closed_loop, loop_json
     from hdvplan.loop.track import follower_named
     from hdvplan.report.files import write_plan
 
@@ -116,7 +116,7 @@ def judge(
     if loop is not None:
         with progress("driving in a closed loop", quiet=quiet):
             runs = closed_loop(result, loop, driving)
-        looped = loop_json(runs)
+        looped = {"follower": loop} | loop_json(runs)
     write(partial(write_plan, result, loop=looped), directory, output)
     if runs is not None:
         with writing(f"to {directory}"):
@@ -127,7 +127,7 @@ def judge(
         return code
     drawn = f"`hdvplan judge {directory}/loop_worst.csv ...` draws the worst one"
     report_error(
-        loop_text(runs),
+        f"{len(runs.results) - runs.kept} of {len(runs.results)} runs of the closed loop do not keep the street",
         f"loop.csv has all runs; {'loop_worst.csv is where the worst one was' if runs.results[runs.worst - 1] is None else drawn}",
     )
     return ExitCode.BROKEN

@@ -43,7 +43,7 @@ class LoopSettings:
     )
     sideways: Annotated[float, POSITIVE] = 1.0  #: most lateral acceleration [m/s2]
     runs: Annotated[int, Setting("Runs with each of the three gains [default: 4].", "N", least=1)] = 4
-    seed: int = 0  #: of the noise
+    seed: Annotated[int, Setting("Of the noise: another one drives other runs [default: 0].", "N", least=0.0)] = 0
 
     def __post_init__(self) -> None:
         """Refuse what nobody can drive."""
@@ -51,5 +51,5 @@ class LoopSettings:
 
     @property
     def gains(self) -> tuple[float, ...]:
-        """The wheels' angle over the one that is wanted, of every run."""
-        return tuple(1.0 + self.gain_error * error for error in _ERRORS for _ in range(self.runs))
+        """The wheels' angle over the one that is wanted, of every run; more runs come behind these."""
+        return tuple(1.0 + self.gain_error * error for error in _ERRORS) * self.runs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -60,24 +60,30 @@ class Driven:
 def followed_by(track: Track, follower: Follower, settings: LoopSettings) -> Driven:
     """Drive a track from where it begins, as often with each gain as is asked for."""
     gains = np.array(settings.gains)
-    runs, delay, rng = len(gains), round(settings.delay / STEP_S), np.random.default_rng(settings.seed)
+    runs, delay = len(gains), round(settings.delay / STEP_S)
+    streams = [np.random.default_rng([settings.seed, run]) for run in range(runs)]  # a run is the same one, however many are driven
     front, heading = np.tile(track.front(0.0), (runs, 1)), np.full(runs, track.course[0] - track.wheels[0])
     way, offset, rows = np.zeros(runs), np.zeros(runs), list[FloatArray]()
-    noise = {name: settings.noise * deviation * rng.standard_normal(runs) for name, (deviation, _) in NOISES.items()}
+    deviations, times = np.array(list(NOISES.values())).T
+    kept = np.exp(-STEP_S / times)
+
+    def drawn() -> FloatArray:
+        return np.array([settings.noise * deviations * stream.standard_normal(len(NOISES)) for stream in streams])
+
+    noise = drawn()
     wheels, lost = np.full(runs, track.wheels[0]), np.zeros(runs, dtype=bool)
     wanted = [wheels] * delay
     while np.any(driven := (way < track.length) & ~lost):
-        for name, (deviation, time) in NOISES.items():
-            kept = np.exp(-STEP_S / time)
-            noise[name] = kept * noise[name] + np.sqrt(1.0 - kept**2) * settings.noise * deviation * rng.standard_normal(runs)
+        noise = kept * noise + np.sqrt(1.0 - kept**2) * drawn()
+        beside, turned_by, wheels_by = noise.T
         speed = track.at(track.speed, way)
         askew = heading - (track.at(track.course, way) - track.at(track.wheels, way))
         rear = front - track.wheelbase * np.stack([np.cos(heading), np.sin(heading)], axis=1)
         rows.append(np.where(driven, [wheels, way, offset, *rear.T, heading], np.nan))
         time = STEP_S * (len(rows) - 1)
-        seen = Seen(time, STEP_S, way, offset + noise["offset"], askew + noise["heading"], speed, wheels, settings.delay)
+        seen = Seen(time, STEP_S, way, offset + beside, askew + turned_by, speed, wheels, settings.delay)
         wanted.append(follower(track, seen))
-        wheels = _turned(track, wheels, gains * wanted.pop(0) + noise["wheels"], STEP_S * speed)
+        wheels = _turned(track, wheels, gains * wanted.pop(0) + wheels_by, STEP_S * speed)
         turned = STEP_S * speed * np.sin(wheels) / track.wheelbase
         course = heading + wheels + 0.5 * turned
         front = front + (STEP_S * speed)[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
@@ -169,7 +175,8 @@ def loop_json(loop: ClosedLoop) -> dict[str, object]:
     """Return the answer, begun by its word where there are limits, and the worst run, under the names that other programs read."""
     text, worst = loop_text(loop), loop.frame.astype(object).where(loop.frame.notna(), None).iloc[loop.worst - 1].to_dict()
     told = text if loop.fits is None else worded(word_of(loop.fits), text)
-    return {"text": told, "fits": loop.fits, "runs": len(loop.results), "kept": None if loop.fits is None else loop.kept, "worst": worst}
+    found = {"text": told, "fits": loop.fits, "runs": len(loop.results), "kept": None if loop.fits is None else loop.kept, "worst": worst}
+    return found | {"settings": asdict(loop.settings)}
 
 
 def closed_loop(result: Result, follower: str | Follower = "driver", settings: LoopSettings | None = None) -> ClosedLoop:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import hdvplan
 from hdvplan.answers import YES
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.given import GivenPath
+from hdvplan.loop import LoopSettings
 from tests.cli.conftest import Cli
 
 _STRAIGHT_M = 45.0  # before a bend of 90 degrees, and after it
@@ -121,13 +123,17 @@ def test_a_street_that_a_path_keeps_and_its_driver_does_not_is_exit_code_1_and_t
 ) -> None:
     assert cli("plan", *ROAD, "--half-width", "1.8", "--out", "plan").code == 0
     arguments = (short_road, *ROAD[1:], "--half-width", "1.8")
-    judged = cli("judge", "plan/path.csv", *arguments, "--loop", "pure-pursuit", "--runs", "2", "--noise", "3", "--out", "judged")
+    driving = ("--loop", "pure-pursuit", "--runs", "2", "--noise", "3", "--seed", "1")
+    judged = cli("judge", "plan/path.csv", *arguments, *driving, "--out", "judged")
     assert judged.code == 1
     assert [line.partition(":")[0] for line in judged.out.splitlines()[:2]] == ["NO", "YES"]  # what does not hold is read first
     looped = json.loads(Path("judged/summary.json").read_text(encoding="utf-8"))["loop"]
     assert (looped["fits"], looped["runs"], looped["text"]) == (False, 6, judged.out.splitlines()[0])
     assert json.loads(cli("judge", "plan/path.csv", *arguments, "--loop", "driver", "--runs", "1", "--json").out)["loop"]["runs"] == 3
-    assert re.search(r"error: in a closed loop \d of 6 runs keep the street; run \d is the worst, 0\.\d\d m lacking", judged.err)
+    assert looped["settings"] == asdict(LoopSettings(runs=2, noise=3.0, seed=1))
+    assert looped["follower"] == "pure-pursuit"
+    assert re.search(r"keep the street; run \d is the worst, 0\.\d\d m lacking", judged.out)
+    assert re.search(r"error: \d of 6 runs of the closed loop do not keep the street\n", judged.err)  # what is printed is not told twice
     worst = cli("judge", "judged/loop_worst.csv", *arguments, "--json", "--out", "worst")
     least = pd.read_csv("judged/loop.csv")["spare_m"].min()
     assert looped["worst"]["spare_m"] == pytest.approx(least, abs=1e-6)  # rounded in the table
@@ -167,6 +173,7 @@ def test_what_a_follower_of_one_s_own_does_wrong_names_it_once(cli: Cli, short_r
         (("--loop", "me"), "unknown follower 'me'"),
         (("--loop", "me.py:me"), "there is no file 'me.py'"),
         (("--loop", "driver", "--runs", "0"), "runs must be"),
+        (("--loop", "driver", "--seed", "-1"), "seed must be zero or a positive number"),
     ],
 )
 def test_what_is_no_closed_loop_is_refused(cli: Cli, short_road: str, options: tuple[str, ...], words: str) -> None:

@@ -80,9 +80,15 @@ def test_a_wrong_gain_leaves_stanley_the_offset_that_its_law_says(circle: Result
 def test_runs_are_those_of_their_seed_and_their_gain(bend: Result) -> None:
     first, again = (closed_loop(bend, settings=LoopSettings(seed=3)) for _ in range(2))
     assert first.frame.equals(again.frame)
-    assert list(first.frame["gain"]) == pytest.approx(np.repeat([0.9, 1.0, 1.1], 4))
+    assert list(first.frame["gain"]) == pytest.approx(np.tile([0.9, 1.0, 1.1], 4))
     assert first.frame["error_m"].nunique() == len(first.frame)
     assert not first.frame.equals(closed_loop(bend, settings=LoopSettings(seed=4)).frame)
+
+
+def test_more_runs_come_behind_fewer_so_that_the_worst_one_only_gets_worse(bend: Result) -> None:
+    few, many = (closed_loop(bend, settings=LoopSettings(runs=runs)).frame for runs in (1, 2))
+    for name in ("gain", "error_m", "spare_m"):  # to rounding, of which vectors of other lengths may have another
+        assert list(many[name][: len(few)]) == pytest.approx(list(few[name]), abs=1e-9)
 
 
 def test_the_worst_run_is_the_one_with_the_least_room_and_none_of_it_is_clearance(bend: Result) -> None:
