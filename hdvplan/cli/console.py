@@ -66,15 +66,17 @@ def print_line(text: str) -> None:
 
 
 def print_tables(*tables: Table) -> None:
-    """Write tables to stdout: at a terminal in its width and, unless NO_COLOR is set, in colour; elsewhere without trailing blanks."""
+    """Write tables to stdout: at a terminal in its width if they fit, in colour unless NO_COLOR is set, else without trailing blanks."""
     from rich.console import Console
 
     console = Console(highlight=False, soft_wrap=False)
     if not console.is_terminal and "COLUMNS" not in os.environ:
         console.width = _UNCUT
+    width, unbound = console.width, console.options.update(width=_UNCUT)
     with nullcontext() if console.is_terminal else console.capture() as captured:
         for table in tables:
-            console.print(table)
+            console.width = max(width, console.measure(table, options=unbound).minimum)
+            console.print(table, crop=False)
     if captured is not None:
         sys.stdout.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
 

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from rich import box
+from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
@@ -13,6 +14,8 @@ from hdvplan.texts import printable
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_LEAST = 20  # columns of text, in which remarks can still be read
 
 
 def grid(
@@ -26,27 +29,33 @@ def grid(
 ) -> Table:
     """Return a table of ready strings; columns are right-aligned as numbers are, but for those named in ``text``.
 
-    Where space is short, text is broken or, in columns named in ``one_line``, cut; numbers and the first column, which
-    names the row, stay whole. The first one is broken where it is the only text, so that no digits are lost.
+    Where space is short, headings are broken, and text too or, in columns named in ``one_line``, cut, but keeps 20 columns. Words, numbers
+    and the first column, which names the row, stay whole: a table that does not fit is wider than the terminal.
     """
     table = Table(title=Text(printable(title)), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     if caption is not None:
         table.caption, table.caption_justify, table.caption_style = Text(printable(caption)), "left", ""
-    words = [column for column in columns if column in text]
+    lines = [[printable(cell) for cell in row] for row in rows]
     for number, column in enumerate(columns):
+        header = column.replace(" [", "\n[")  # units on a line of their own
+        cells, is_text = [line[number] for line in lines], column in text and number > 0
+        whole = cells if not is_text else " ".join(cells).split() if column not in one_line else []
+        widest = max(map(cell_len, [*header.split("\n"), *cells]))
+        least = max(map(cell_len, [*header.split(), *whole, " " * min(widest, _LEAST * is_text)]))
         table.add_column(
-            Text(column.replace(" [", "\n[")),  # units on a line of their own; Text, as square brackets are markup in a string
+            Text(header),  # as square brackets are markup in a string
             justify="left" if column in text else "right",
             overflow="fold",
-            no_wrap=column not in text or (number == 0 and len(words) > 1),
+            no_wrap=least == widest,
+            min_width=least,
         )
-    for row in rows:
-        table.add_row(*(_cut(cell) if column in one_line else Text(printable(cell)) for column, cell in zip(columns, row, strict=True)))
+    for line in lines:
+        table.add_row(*(_cut(cell) if column in one_line else Text(cell) for column, cell in zip(columns, line, strict=True)))
     return table
 
 
 def _cut(cell: str) -> Text:
-    return Text(printable(cell), no_wrap=True, overflow="ellipsis")
+    return Text(cell, no_wrap=True, overflow="ellipsis")
 
 
 def markdown_table(table: pd.DataFrame, *, text: Collection[str]) -> str:

@@ -94,14 +94,14 @@ def test_run_json_says_what_was_measured_with_what_and_where(cli: Cli, tmp_path:
 
 @pytest.mark.slow
 def test_the_headline_fits_80_columns_and_json_is_json(cli: Cli, short_road: str) -> None:
-    what = ("--roads", short_road, "--vehicles", "bus,tractor-trailer", "--solvers", "riccati,qpsolvers/clarabel")
+    what = ("--roads", short_road, "--vehicles", "bus,tractor-trailer", "--solvers", "riccati,qpsolvers/piqp")
     arguments = ("bench", *what, "--in-process", "--horizon", "30", "--rounds", "1", "--out", "run")
     outcome = cli(*arguments)
     assert outcome.code == 0
     assert outcome.err.endswith("written to run/\n")
     assert "measuring" not in outcome.err  # no bar where there is no terminal
     assert max(len(line) for line in outcome.out.splitlines() if " fastest in " not in line) <= 80
-    for words in ("bus, rti: one planning step [ms]", "tractor-trailer, sqp: one", "qpsolvers/clarabel", "SQP / RTI"):
+    for words in ("bus, rti: one planning step [ms]", "tractor-trailer, sqp: one", "qpsolvers/piqp", "SQP / RTI"):
         assert words in outcome.out
     assert outcome.out.count("--accuracy 1e-4") == 1  # the mode that compares at an equal one
     answer = json.loads(cli(*arguments, "--json").out)
