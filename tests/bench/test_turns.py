@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -96,6 +99,35 @@ def test_where_nobody_hands_out_turns_there_is_no_waiting(monkeypatch: pytest.Mo
         with turns() as take_turn:
             take_turn()
         assert TURNS not in os.environ
+
+
+# Says where its temporary folder is, and has it for ever.
+GATE = """
+import time
+from hdvplan.bench.comparing.processes import scratch_folder
+with scratch_folder() as scratch:
+    print(scratch.folder, flush=True)
+    time.sleep(1e6)
+"""
+
+
+def test_what_a_killed_gate_left_goes_with_the_next_and_what_others_have_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    others = tmp_path / "hdvplan-gate-notes-mine"
+    others.mkdir()
+    variables = os.environ | {"TMPDIR": str(tmp_path)}
+    with ExitStack() as stack:
+        folders = []
+        for _ in range(2):
+            gate = stack.enter_context(subprocess.Popen([sys.executable, "-c", GATE], env=variables, stdout=subprocess.PIPE, text=True))  # noqa: S603 - our own
+            stack.callback(gate.kill)
+            assert gate.stdout is not None
+            folders.append(Path(gate.stdout.readline().strip()))
+        gate.kill()
+        gate.wait()
+        assert folders[1].is_dir()
+        with scratch_folder() as scratch:
+            assert set(tmp_path.iterdir()) == {others, folders[0], scratch.folder}
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system does not choose cores")

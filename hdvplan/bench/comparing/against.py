@@ -216,8 +216,8 @@ def _clear(folder: Path) -> None:
 def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path, listener: Listener) -> Comparison:
     """Return the comparison of what ``against`` names with what is here; measured into ``out``.
 
-    However it ends, also by signals, its processes and temporary files are removed. What stays is ``out``, and revisions in the user's
-    cache. The reports of an earlier comparison go first, so that none is taken for this one's.
+    However it ends, also by signals, its processes and temporary files are removed; after SIGKILL by the next comparison. What stays is
+    ``out``, and revisions in the user's cache. The reports of an earlier comparison go first, so that none is taken for this one's.
 
     Raises:
         OptionError: ``against`` names nothing, ``out`` holds something else or is in use, the checkout cannot be read, or nothing of it

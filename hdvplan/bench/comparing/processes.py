@@ -19,6 +19,7 @@ from pathlib import Path
 from time import monotonic, sleep
 
 from hdvplan.bench import TURNS
+from hdvplan.fileio import locked
 from hdvplan.process import undisturbed
 
 _IMPORTED = "import time:"  # of -X importtime
@@ -26,6 +27,7 @@ _STDERR, _SPENT, _STDOUT = "stderr", "spent.json", "stdout"
 _LONGEST_WORDS, _LONGEST_LINE, _TAIL_LINES = 300, 200, 20
 _GO = b"!"
 _LOOK_S = 0.2  # how often it is looked whether a process has ended whose children still have the descriptor
+_SCRATCH = "hdvplan-gate-"  # before the process and a word of chance
 _TRIES, _PAUSE_S = 50, 0.05
 # Between us and what is measured: the high-water mark of memory that a system reports for a process begins at that of the one which
 # started it, and ours has loaded tables and plots.
@@ -186,12 +188,17 @@ def run(command: Sequence[str], variables: Mapping[str, str], scratch: Scratch, 
 
 @contextmanager
 def scratch_folder() -> Iterator[Scratch]:
-    """Provide a temporary folder; it goes afterwards with all processes that were started in it, whatever ends the block."""
+    """Provide a temporary folder; it goes afterwards with all processes that were started in it, whatever ends the block.
+
+    After SIGKILL it stays, and the next one removes it.
+    """
     made: list[Scratch] = []
     try:
         with undisturbed():
-            made.append(Scratch(Path(tempfile.mkdtemp(prefix="hdvplan-gate-")), []))
-        yield made[0]
+            made.append(Scratch(Path(tempfile.mkdtemp(prefix=f"{_SCRATCH}{os.getpid()}-")), []))
+        with locked(made[0].folder):
+            _remove_killed()
+            yield made[0]
     finally:
         with undisturbed():
             for scratch in made:
@@ -201,6 +208,22 @@ def scratch_folder() -> Iterator[Scratch]:
                     elif started.turns is not None:
                         started.turns.close()
                 remove(scratch.folder)
+
+
+def _remove_killed() -> None:
+    """Remove scratch folders whose process was killed: it is gone, and with it its lock, which processes in other containers keep too."""
+    if os.name != "posix":
+        return
+    for folder in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*-*"):
+        with suppress(OSError, ValueError, OverflowError):
+            if folder.lstat().st_uid != os.getuid():
+                continue
+            try:
+                os.kill(int(folder.name.removeprefix(_SCRATCH).partition("-")[0]), 0)
+            except ProcessLookupError:
+                with locked(folder, wait=False) as is_left:
+                    if is_left:
+                        shutil.rmtree(folder, ignore_errors=True)
 
 
 def remove(folder: Path) -> None:
