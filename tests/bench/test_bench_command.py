@@ -193,6 +193,16 @@ def test_a_folder_with_another_run_is_not_mixed_up(cli: Cli, finished: tuple[str
     assert "hint: start over with --fresh" in outcome.err
 
 
+def test_a_run_under_another_number_of_cores_says_how_to_have_as_many_again(
+    cli: Cli, finished: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hdvplan.machine.usable_cores", lambda: 77)
+    outcome = cli(*finished)
+    assert outcome.code == 2
+    assert "usable_cores was " in outcome.err
+    assert "hint: continue on as many cores, such as by taskset -c 0,1, start over with --fresh, or" in outcome.err
+
+
 def test_a_road_that_was_edited_meanwhile_is_another_run(cli: Cli, short_road: str) -> None:
     command = ("bench", "--roads", short_road, *SHORTEST, "--out", "run")
     assert cli(*command).code == 0

@@ -59,8 +59,10 @@ def recorded(suite: Suite, directory: Path, *, only_drawn: bool = False) -> Json
         wanted = {"settings": settings | known}
     for part, present in wanted.items():
         if before.get(part) != present:
-            msg = f"{directory} holds a run with other {part}: {_difference(before.get(part), present)}"
-            raise OptionError(msg, hint=_OTHERWISE)
+            found = _difference(before.get(part), present)
+            msg = f"{directory} holds a run with other {part}: {found}"
+            again = "continue on as many cores, such as by taskset -c 0,1, " if found.startswith("usable_cores was") else ""
+            raise OptionError(msg, hint=again + _OTHERWISE)
     return before
 
 
