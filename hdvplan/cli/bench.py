@@ -41,10 +41,15 @@ class BenchOptions:
     ] = None
     command: Annotated[str | None, Setting("With --against: measure your own command, which prints planning times as JSON.", "CMD")] = None
     extras: Annotated[str | None, Setting("With --command: install these extras of the project, too, on both sides.", "NAME,...")] = None
-    counters: Annotated[Path | None, Setting("Compare iterations, sizes and envelopes with a committed baseline.", "FILE.csv")] = None
+    counters: Annotated[
+        Path | None, Setting("Compare sums of QPs and iterations (2 % may differ), sizes and envelopes with a baseline.", "FILE.csv")
+    ] = None
     renew: Annotated[bool, Setting("Write FILE.csv of --counters instead of comparing.")] = False
     strict: Annotated[
-        bool, Setting("End with exit code 1 if a cell is not ok; with --against with 3 if noise could hide a change of anything.")
+        bool,
+        Setting(
+            "End with 1 if a cell is not ok, with --counters if any sum changed, with --against with 3 if noise could hide any change."
+        ),
     ] = False
 
     def check(self, files: BenchFiles, given: Mapping[str, object], decision: Decision) -> None:
@@ -62,8 +67,8 @@ class BenchOptions:
             (self.extras is not None and self.command is None, "--extras needs --command", None),
             (self.renew and self.counters is None, "--renew needs --counters", None),
             (
-                self.strict and (self.counters is not None or files.export_qps is not None),
-                "--strict speaks of a benchmark's own cells, or of --against: with --counters and --export-qps exit codes say more",
+                self.strict and files.export_qps is not None,
+                "--strict speaks of cells that are measured, and --export-qps measures none",
                 "leave out --strict",
             ),
             (
@@ -208,7 +213,7 @@ def bench(
             draw(out, picture)
         note(f"picture in {picture}", quiet=quiet)
     if options.counters is not None:
-        return hold_to(options.counters, baseline, out, report)
+        return hold_to(options.counters, baseline, out, report, strict=options.strict)
     tables, record = {name: read_table(out, f"{name}.csv") for name in LAYOUTS}, read_record(out)
     with damage_told(out):
         if json:

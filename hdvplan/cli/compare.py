@@ -240,8 +240,8 @@ def _again(against: str, wanted: Suite | CommandWork, words: Sequence[str], out:
     return shlex.join(["hdvplan", "bench", "--against", against, *what, *words, "--out", f"{out}-again"])
 
 
-def hold_to(counters: Path, baseline: pd.DataFrame | None, out: Path, report: Report) -> int:
-    """Compare a finished run's counters with the ``baseline`` that ``counters`` holds, or without one make them the baseline."""
+def hold_to(counters: Path, baseline: pd.DataFrame | None, out: Path, report: Report, *, strict: bool) -> int:
+    """Compare a finished run's counters with the ``baseline`` that ``counters`` holds, ``strict``: exactly; without one they become it."""
     from hdvplan.bench.comparing.compare import compare_counters
     from hdvplan.bench.comparing.counters import write_counters
     from hdvplan.bench.comparing.decision import Rule
@@ -252,7 +252,7 @@ def hold_to(counters: Path, baseline: pd.DataFrame | None, out: Path, report: Re
         write_counters(measured, counters)
         note(f"counters written to {counters}", quiet=report.quiet)
         return ExitCode.OK
-    comparison = compare_counters(baseline, measured)
+    comparison = compare_counters(baseline, measured, exact=strict)
     code = show(comparison, Rule(), report)
     if comparison.changes:
         note("where the change is meant: the same command with --renew", quiet=report.quiet)

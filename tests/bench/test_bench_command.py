@@ -279,7 +279,7 @@ REFUSED = [
     (("--export-qps", "qps", "--counters", "c.csv"), "so --against, --counters and --plot do not apply"),
     (("--export-qps", "qps", "--plot", "b.png"), "so --against, --counters and --plot do not apply"),
     ((*AGAINST, "--counters", "c.csv"), "not with a file"),
-    (("--counters", "c.csv", "--strict"), "exit codes say more"),
+    (("--export-qps", "qps", "--strict"), "measures none"),
     (("--counters", "none.csv"), "counters none.csv cannot be read"),
     ((*AGAINST, "--command", "true"), "do not apply"),
     ((*AGAINST, "--roads", "nowhere"), "nowhere"),

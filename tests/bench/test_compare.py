@@ -17,7 +17,7 @@ from hdvplan.bench.comparing.counters import Tolerance, counters_of, read_counte
 from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.reports import junit_xml
 from hdvplan.bench.comparing.sides import Side, read_side, times_of
-from hdvplan.bench.comparing.words import verdict_line
+from hdvplan.bench.comparing.words import comparison_markdown, verdict_line
 from hdvplan.bench.measuring.samples import CRASHED, FAILED, OVER_BUDGET, Measurement
 from hdvplan.bench.measuring.stats import envelope_table, samples_of, timing_table
 from hdvplan.bench.suite import Cell
@@ -269,7 +269,10 @@ def test_a_baseline_leaves_room_for_another_machine_but_not_for_more_work(tmp_pa
         (979, GateVerdict.REGRESSED),
     ):
         old, new = baseline.assign(iterations=1000), counters.assign(iterations=iterations)
-        assert compare_counters(old, new).verdict is verdict  # 2 %
+        found = compare_counters(old, new)
+        assert found.verdict is verdict  # 2 %
+        assert ("Changed by at most 2 %" in comparison_markdown(found, Rule())) is (verdict is GateVerdict.FINE)
+        assert compare_counters(old, new, exact=True).verdict is GateVerdict.REGRESSED
     assert compare_counters(baseline.assign(nonzeros=99), counters).verdict is GateVerdict.REGRESSED
     assert compare_counters(baseline.iloc[:1], counters).verdict is GateVerdict.FINE  # a cell is new
     assert compare_counters(baseline, counters.iloc[:1]).verdict is GateVerdict.REGRESSED  # one is gone
@@ -507,7 +510,15 @@ def test_a_run_is_held_to_committed_counters_and_renews_them_with_one_command(cl
     assert outcome.out == "fine: no counter changed\n"
     table = pd.read_csv(tmp_path / "counters.csv")
     table.assign(iterations=table["iterations"] * 1.01).to_csv(tmp_path / "counters.csv", index=False)
-    assert cli(*command).out == "fine: no counter changed by more than 2 %, 4 sums of QPs or iterations by less\n"
+    *rows, line = cli(*command).out.splitlines()
+    assert line == "fine: no counter changed by more than 2 %; 4 sums of QPs or iterations changed by at most 2 %"
+    iterations = int(table["iterations"][0])
+    assert sum("iterations" in row for row in rows) == 4
+    assert any(row.split()[-3:] == ["iterations", str(1.01 * iterations), str(iterations)] for row in rows)
+    exact = cli(*command, "--strict")
+    assert (exact.code, exact.out.splitlines()[-1]) == (1, "regressed: counters changed in 4 cells")
+    table.assign(iterations=table["iterations"] * 1.01, steps=table["steps"] + 1).to_csv(tmp_path / "counters.csv", index=False)
+    assert cli(*command).out.endswith("; 4 sums of QPs or iterations changed by at most 2 %\n")
     table.assign(qps=table["qps"] + 1).to_csv(tmp_path / "counters.csv", index=False)
     outcome = cli(*command)
     assert outcome.code == 1

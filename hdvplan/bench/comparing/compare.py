@@ -87,7 +87,7 @@ class Comparison:
     elsewhere: bool = False  # the sides were measured on different machines: times do not count
     apart: bool = False  # at different times: nothing proves a slower program
     broken: tuple[Change, ...] = ()  # statuses of cells that are alike not ok on both sides
-    within: int = 0  # sums of QPs or iterations that differ by less than another processor's rounding may make
+    within: tuple[Change, ...] = ()  # sums of QPs or iterations that differ by no more than another processor's rounding may make
 
     @property
     def proves(self) -> bool:
@@ -161,16 +161,15 @@ def compare(base: Side, new: Side, rule: Rule, tolerance: Tolerance, *, expect_c
     )
 
 
-def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame) -> Comparison:
-    """Return what differs from a committed baseline, with the room that another machine's rounding needs; no times.
+def compare_counters(baseline: pd.DataFrame, measured: pd.DataFrame, *, exact: bool = False) -> Comparison:
+    """Return what differs from a committed baseline, without times; unless ``exact`` with the room that another machine's rounding needs.
 
     A cell that the baseline does not have is no regression.
     """
-    changes = tuple(changes_of(baseline, measured, Tolerance(work=WORK_TOLERANCE)))
-    within = {(one.cell, one.counter) for one in changes_of(baseline, measured, Tolerance()) if one.counter in WORK}
-    within -= {(one.cell, one.counter) for one in changes}
+    changes = tuple(changes_of(baseline, measured, Tolerance(work=0.0 if exact else WORK_TOLERANCE)))
+    within = tuple(one for one in changes_of(baseline, measured, Tolerance()) if one.counter in WORK and one not in changes)
     verdict = GateVerdict.REGRESSED if any(one.is_red(expected=False) for one in changes) else GateVerdict.FINE
-    return Comparison(changes, (), verdict, 1, broken=tuple(broken_in_both(baseline, measured)), within=len(within))
+    return Comparison(changes, (), verdict, 1, broken=tuple(broken_in_both(baseline, measured)), within=within)
 
 
 def failed(side: str, message: str, tail: str, *, blameless: bool = False) -> Comparison:

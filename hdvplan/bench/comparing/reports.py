@@ -48,12 +48,8 @@ def comparison_json(comparison: Comparison, rule: Rule, again: str | None = None
         "floor_ms": 1e3 * rule.floor,
         "again": again,
         "failure": None if failure is None else {"side": failure.side, "message": failure.message, "tail": failure.tail},
-        "changes": [
-            dict(zip(KEY, change.cell, strict=True))
-            | {"counter": change.counter, "base": change.base, "new": change.new}
-            | ({"why": change.why} if change.why else {})
-            for change in comparison.changes
-        ],
+        "changes": [_changes(change) for change in comparison.changes],
+        "within": [_changes(change) for change in comparison.within],
         "times": [dict(zip(KEY, entry.cell, strict=True)) | _judged(entry) for entry in comparison.times],
         "statistics": [
             {"statistic": quantity_words(one), "cell": place_words(one), "meaning": one.quantity.meaning, "unit": one.quantity.unit}
@@ -115,6 +111,11 @@ def _changed(comparison: Comparison) -> dict[tuple[str, ...], list[Change]]:
     for change in comparison.changes:
         found.setdefault(change.cell, []).append(change)
     return found
+
+
+def _changes(change: Change) -> dict[str, str]:
+    named = dict(zip(KEY, change.cell, strict=True)) | {"counter": change.counter, "base": change.base, "new": change.new}
+    return named | ({"why": change.why} if change.why else {})
 
 
 def _words(entry: Entry) -> str:

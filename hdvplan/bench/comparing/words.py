@@ -27,6 +27,9 @@ _WORDS = {GateVerdict.FINE: "fine", GateVerdict.REGRESSED: "slower", GateVerdict
 _MARKS = {GateVerdict.FINE: "fine", GateVerdict.REGRESSED: "worse", GateVerdict.UNMEASURABLE: "unclear"}
 _ROWS = 30  # of what is wrong; more are counted
 _UNSEEN = "could not see"
+_NEAR = 0.01  # beyond what counts: a percentage without decimals could show the same
+_WITHIN = f"{100.0 * WORK_TOLERANCE:g} %"
+_LITTLE = f"changed by at most {_WITHIN}, which counts with --strict alone"
 
 
 def verdict_line(comparison: Comparison, rule: Rule) -> str:
@@ -71,8 +74,9 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     unseen = [name for name in _by_name(one for one in comparison.found if one.decision.unseen) if name not in unsure]
     if unseen and comparison.verdict is not GateVerdict.REGRESSED:
         parts.append(f"could not see a change of {', '.join(unseen)}")
-    within = f" by more than {100.0 * WORK_TOLERANCE:g} %, {counted(comparison.within, 'sum')} of QPs or iterations by less"
-    parts = parts or [f"no counter changed{within if comparison.within else ''}"]
+    parts = parts or [f"no counter changed{f' by more than {_WITHIN}' if comparison.within else ''}"]
+    if comparison.within:
+        parts.append(f"{counted(len(comparison.within), 'sum')} of QPs or iterations changed by at most {_WITHIN}")
     if broken := comparison.broken:
         parts.append(f"not ok on both sides: {cell_words(broken[0].cell)}: {broken[0].new}{_and_more(broken)}")
     return f"{comparison.verdict}: {'; '.join(parts)}"
@@ -121,6 +125,8 @@ def comparison_tables(comparison: Comparison) -> list[Table]:
     wrong = wrong_rows(comparison)
     tables = [grid("what changed, the worst first", _WRONG, wrong, text=_TEXT)] if wrong else []
     found = _rows(comparison.times)
+    if comparison.within:
+        tables.append(grid(_LITTLE, _WRONG[:-1], map(_counters, comparison.within), text=_TEXT))
     shown = (_TIMES[0], *_TIMES[len(KEY) :])
     for group in dict.fromkeys(row[1 : len(KEY)] for row in found):
         mine = [(row[0], *row[len(KEY) :]) for row in found if row[1 : len(KEY)] == group]
@@ -144,6 +150,8 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
         parts.append(f"    {again}")
     if comparison.times:
         parts += ["Mean planning step:", _markdown(_TIMES, _rows(comparison.times))]
+    if comparison.within:
+        parts += [f"{_LITTLE.capitalize()}:", _markdown(_WRONG[:-1], list(map(_counters, comparison.within)))]
     if comparison.found:
         parts += ["Whole processes:", _markdown(_FOUND, _rows(_notable(comparison.found)))]
     if comparison.times:
@@ -160,10 +168,7 @@ def wrong_rows(comparison: Comparison) -> list[tuple[str, ...]]:
         for entry in (*comparison.times, *comparison.found)
         if entry.is_worse
     ]
-    rows += [
-        ((2 if change.is_lost else 0, 0.0), (cell_words(change.cell), change.counter, change.base, change.new, "-"))
-        for change in comparison.changes
-    ]
+    rows += [((2 if change.is_lost else 0, 0.0), (*_counters(change), "-")) for change in comparison.changes]
     ordered = [row for _, row in sorted(rows, key=lambda entry: (-entry[0][0], -entry[0][1]))]
     more = len(ordered) - _ROWS
     return ordered if more <= 0 else [*ordered[:_ROWS], (f"and {more} more", *("-",) * (len(_WRONG) - 1))]
@@ -173,6 +178,10 @@ def change_words(change: Change) -> str:
     """Return a changed counter as a sentence."""
     if change.counter == IN_STEPS:
         return "totals unchanged, per-step counts differ"
+def _counters(change: Change) -> tuple[str, ...]:
+    return cell_words(change.cell), change.counter, change.base, change.new
+
+
     return f"{change.counter} was {change.base}, is {change.new}" + (f" ({change.why})" if change.why else "")
 
 
