@@ -117,7 +117,7 @@ def compare(
         if report.reports is not None:
             with writing(f"the reports to {report.reports}", None):
                 write_reports(comparison, rule, None, report.reports)
-        return show(comparison, rule, report)
+        return show(comparison, rule, report, f"{report.reports or '--reports DIR'}/summary.md")
 
 
 @contextmanager
@@ -133,8 +133,8 @@ def told_to_programs(report: Report) -> Iterator[None]:
         raise
 
 
-def show(comparison: Comparison, rule: Rule, report: Report, again: str | None = None) -> ExitCode:
-    """Write a comparison as asked for and return its exit code; ``again`` is the command that shows it again."""
+def show(comparison: Comparison, rule: Rule, report: Report, where: str = "", again: str | None = None) -> ExitCode:
+    """Write a comparison as asked for and return its exit code; ``where`` has what decides nothing, ``again`` is the command for it."""
     from hdvplan.bench.comparing.decision import GateVerdict
     from hdvplan.bench.comparing.reports import comparison_json, github_annotation
     from hdvplan.bench.comparing.words import comparison_markdown, comparison_tables, verdict_line
@@ -146,7 +146,7 @@ def show(comparison: Comparison, rule: Rule, report: Report, again: str | None =
         _summarise(comparison_markdown(comparison, rule, again))
     else:
         if not report.quiet:
-            print_tables(*comparison_tables(comparison))
+            print_tables(*comparison_tables(comparison, where))
             if comparison.failure is not None and comparison.failure.tail:
                 sys.stdout.write(f"{comparison.failure.tail}\n")
             if comparison.about:
@@ -193,7 +193,7 @@ def gate(against: str, work: Suite | CommandWork, out: Path, decision: Decision,
         write_reports(comparison, settings.rule, again, out)
     except OSError as error:
         raise _cannot_write(error, out) from error
-    return show(comparison, settings.rule, report, again)
+    return show(comparison, settings.rule, report, f"{out / 'summary.md'}", again)
 
 
 def _versions(process: Path) -> dict[str, str]:

@@ -19,8 +19,8 @@ from hdvplan.bench.comparing.counters import COUNTS, IN_STEPS, LENGTHS, WORK, Ch
 from hdvplan.bench.comparing.decision import GateVerdict, Rule
 from hdvplan.bench.comparing.reports import comparison_json, github_annotation, junit_xml, write_reports
 from hdvplan.bench.comparing.sides import IMPORT, PEAK, Name, Side, Steps
-from hdvplan.bench.comparing.words import comparison_markdown, quantity_words, verdict_line, wrong_rows
-from hdvplan.bench.suite import KEY
+from hdvplan.bench.comparing.words import comparison_markdown, comparison_tables, quantity_words, verdict_line, wrong_rows
+from hdvplan.bench.suite import KEY, cell_words
 
 CELLS: tuple[Name, ...] = tuple((road, vehicle, "rti", "riccati", "as set") for road in ("bend", "ring") for vehicle in ("bus", "truck"))
 ROUNDS, STEPS = 6, 40
@@ -185,15 +185,36 @@ def test_what_could_not_be_seen_is_not_called_fine(pairs: int) -> None:
     told_last = ", ".join(dict.fromkeys(quantity_words(one) for one in noisy.found if one.decision.unseen))
     assert verdict_line(noisy, Rule()).endswith(f"; could not see a change of {told_last}")
     assert "could not" not in verdict_line(quiet, Rule())
+    shown = comparison_tables(noisy, "gate/summary.md")
+    rest = comparison_markdown(noisy, Rule()).partition("Whole processes:")[2].count("\n|") - 2  # without heading and rule
+    assert not any("whole processes" in str(table.title) for table in shown)
+    assert str(shown[-1].caption).endswith(f" Whole processes: {rest} other rows, which decide nothing: gate/summary.md.")
     strictly = [
         compare(side(0, change, pairs), side(1, change, pairs), Rule(), Tolerance(), expect_changes=False, strict=True)
         for change in (unchanged, uneven)
     ]
     assert [(one.verdict, one.is_settled) for one in strictly] == [(GateVerdict.FINE, True), (GateVerdict.UNMEASURABLE, False)]
+    *_, decides = comparison_tables(strictly[1], "gate/summary.md")
+    assert decides.row_count == sum(one.decision.unseen for one in strictly[1].found)
     assert verdict_line(strictly[1], Rule()) == verdict_line(noisy, Rule()).replace("fine", "could not measure", 1)
     suite = fromstring(junit_xml(noisy, Rule()))  # noqa: S314 - our own
     skipped = [case for case in suite.iter("testcase") if case.find("skipped") is not None]
     assert unseen == {case.get("name") if case.get("classname") == "whole processes" else case.get("classname") for case in skipped}
+
+
+def test_what_is_hardly_more_than_counts_is_not_shown_as_what_counts() -> None:
+    quiet = compare(side(0), side(1), Rule(), Tolerance(), expect_changes=False)
+    for shown, told in ((1.0, "+8 %"), (1.0801, "+8.1 %"), (1.2, "+20 %")):
+        times = tuple(replace(one, decision=replace(one.decision, counting=1.08, shown=shown)) for one in quiet.times)
+        assert comparison_markdown(replace(quiet, times=times), Rule()).count(f" {told} |") >= len(times)
+
+
+def test_a_doubt_beside_what_is_slower_names_its_cell() -> None:
+    red = held(side(1, half))
+    doubt = next(one for one in red.found if one.is_of_cell and quantity_words(one) == "typical")
+    doubted = replace(doubt, decision=replace(doubt.decision, verdict=GateVerdict.UNMEASURABLE))
+    found = tuple(doubted if one is doubt else one for one in red.found)
+    assert f"too few processes to be sure of typical of {cell_words(doubt.cell)}" in verdict_line(replace(red, found=found), Rule())
 
 
 def test_what_was_found_was_seen() -> None:

@@ -50,6 +50,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
     parts += [_longest(ones, cells, f"slower in {name}") for name, ones in by_name.items()]
     most = max((entry.decision.pairs for entry in comparison.times), default=FEWEST_PAIRS)
     unsure = _by_name(one for one in comparison.found if one.decision.is_doubtful)
+    doubts = [name + (f" of {cell_words(ones[0].cell)}{_and_more(ones)}" if ones[0].is_of_cell else "") for name, ones in unsure.items()]
     longer = [one for one in unknown if one.decision.ratio > one.decision.counting]
     if unknown and most < FEWEST_PAIRS:
         parts.append(f"times need at least {FEWEST_PAIRS} rounds or processes a side, not {most}")
@@ -66,7 +67,7 @@ def verdict_line(comparison: Comparison, rule: Rule) -> str:
         if not np.isnan(comparison.load):
             parts.append(f"load average {comparison.load:.1f} on {os.cpu_count() or 1} cores")
     if unsure:
-        parts.append(f"too few processes to be sure of {', '.join(unsure)}")
+        parts.append(f"too few processes to be sure of {', '.join(doubts)}")
     if cells and not slower and not by_name and not unknown:
         short = any(entry.decision.counting > rule.factor for entry in comparison.times)  # the floor is more than the factor of a step
         least = f" and {1e3 * rule.floor:g} ms" if short else ""
@@ -111,8 +112,8 @@ def _changed_parts(changes: Sequence[Change]) -> list[str]:
     return parts
 
 
-def _and_more(changes: Sequence[Change]) -> str:
-    return f", and {len(changes) - 1} more" if len(changes) > 1 else ""
+def _and_more(ones: Sequence[object]) -> str:
+    return f", and {len(ones) - 1} more" if len(ones) > 1 else ""
 
 
 def _could(unknown: Sequence[Entry], comparison: Comparison) -> str:
@@ -120,22 +121,25 @@ def _could(unknown: Sequence[Entry], comparison: Comparison) -> str:
     return f"; {comparison.processes} pairs would have shown a slowdown of {100.0 * (seen - 1.0):.0f} %" if np.isfinite(seen) else ""
 
 
-def comparison_tables(comparison: Comparison) -> list[Table]:
-    """Return the tables for the terminal: what is wrong, the worst first; then every time."""
+def comparison_tables(comparison: Comparison, where: str) -> list[Table]:
+    """Return the tables for the terminal: what is wrong, the worst first; every time; what else decides. ``where`` has the rest."""
     wrong = wrong_rows(comparison)
     tables = [grid("what changed, the worst first", _WRONG, wrong, text=_TEXT)] if wrong else []
-    found = _rows(comparison.times)
     if comparison.within:
         tables.append(grid(_LITTLE, _WRONG[:-1], map(_counters, comparison.within), text=_TEXT))
+    found = _rows(comparison.times)
     shown = (_TIMES[0], *_TIMES[len(KEY) :])
     for group in dict.fromkeys(row[1 : len(KEY)] for row in found):
         mine = [(row[0], *row[len(KEY) :]) for row in found if row[1 : len(KEY)] == group]
         words = cell_words(group, ", ")
         tables.append(grid(f"{words}: mean planning step" if words else "mean planning step", shown, mine, text=_TEXT))
-    if comparison.found:
-        tables.append(grid("whole processes", _FOUND, _rows(_notable(comparison.found)), text=_TEXT))
+    deciding = [one for one in comparison.found if one.is_worse or one.decision.is_doubtful or (comparison.strict and one.decision.unseen)]
+    if deciding:
+        tables.append(grid("whole processes, what decides", _FOUND, _rows(deciding), text=_TEXT))
     if comparison.times:
-        tables[-1].caption, tables[-1].caption_justify, tables[-1].caption_style = Text(_caption(comparison)), "left", ""
+        rest = len(_notable(comparison.found)) - len(deciding)
+        more = f" Whole processes: {counted(rest, 'other row')}, which decide nothing: {where}." if rest else ""
+        tables[-1].caption, tables[-1].caption_justify, tables[-1].caption_style = Text(_caption(comparison) + more), "left", ""
     return tables
 
 
@@ -146,12 +150,12 @@ def comparison_markdown(comparison: Comparison, rule: Rule, again: str | None = 
         parts.append("\n".join(f"    {line}" for line in comparison.failure.tail.splitlines()))
     if wrong := wrong_rows(comparison):
         parts += ["What changed, the worst first:", _markdown(_WRONG, wrong)]
+    if comparison.within:
+        parts += [f"{_LITTLE.capitalize()}:", _markdown(_WRONG[:-1], list(map(_counters, comparison.within)))]
     if again and comparison.verdict is not GateVerdict.FINE:
         parts.append(f"    {again}")
     if comparison.times:
         parts += ["Mean planning step:", _markdown(_TIMES, _rows(comparison.times))]
-    if comparison.within:
-        parts += [f"{_LITTLE.capitalize()}:", _markdown(_WRONG[:-1], list(map(_counters, comparison.within)))]
     if comparison.found:
         parts += ["Whole processes:", _markdown(_FOUND, _rows(_notable(comparison.found)))]
     if comparison.times:
@@ -174,14 +178,14 @@ def wrong_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     return ordered if more <= 0 else [*ordered[:_ROWS], (f"and {more} more", *("-",) * (len(_WRONG) - 1))]
 
 
-def change_words(change: Change) -> str:
-    """Return a changed counter as a sentence."""
-    if change.counter == IN_STEPS:
-        return "totals unchanged, per-step counts differ"
 def _counters(change: Change) -> tuple[str, ...]:
     return cell_words(change.cell), change.counter, change.base, change.new
 
 
+def change_words(change: Change) -> str:
+    """Return a changed counter as a sentence."""
+    if change.counter == IN_STEPS:
+        return "totals unchanged, per-step counts differ"
     return f"{change.counter} was {change.base}, is {change.new}" + (f" ({change.why})" if change.why else "")
 
 
@@ -218,7 +222,7 @@ def _rows(entries: Iterable[Entry]) -> list[tuple[str, ...]]:
         interval = "-" if np.isnan(found.low) else f"{found.low:.2f}-{found.high:.2f}"
         what = f"{quantity_words(entry)}{f' of {cell_words(entry.cell)}' if entry.is_of_cell else ''} [{entry.quantity.unit}]"
         names = entry.cell if found.needed else (what,)
-        rows.append((*names, *_numbers(entry), interval, _from(found.detectable), word_of(entry)))
+        rows.append((*names, *_numbers(entry), interval, _from(found.detectable, found.counting), word_of(entry)))
     return rows
 
 
@@ -227,9 +231,11 @@ def _numbers(entry: Entry) -> tuple[str, str, str]:
     return tuple("-" if number == "nan" else number for number in numbers)  # type: ignore[return-value] # three
 
 
-def _from(ratio: float) -> str:
-    """Return the smallest change that counts, or would have been found, as a percentage."""
-    return f"+{100.0 * (ratio - 1.0):.0f} %" if np.isfinite(ratio) else "-"
+def _from(ratio: float, counting: float) -> str:
+    """Return the smallest change that counts, or would have been found, as a percentage; a little more than counts is not rounded to it."""
+    excess = 100.0 * (ratio - 1.0)
+    near = counting < ratio < counting + _NEAR
+    return f"+{np.ceil(10.0 * excess) / 10.0 if near else excess:.{int(near)}f} %" if np.isfinite(ratio) else "-"
 
 
 def _caption(comparison: Comparison) -> str:
@@ -239,7 +245,7 @@ def _caption(comparison: Comparison) -> str:
         return f"{what}: machine and hour are compared too, so nothing here proves a slower program."
     repeat = ", with the repeat that it would have called for" if comparison.processes < FEWEST else ""
     unseen = _by_name(one for one in comparison.found if one.decision.unseen)
-    hidden = [f"{name} {_from(max(one.decision.counting for one in ones))}" for name, ones in unseen.items()]
+    hidden = [f"{name} {_from(most := max(one.decision.counting for one in ones), most)}" for name, ones in unseen.items()]
     notes = f" Could not see: changes that count could hide in the noise, {', '.join(hidden)} and more." if hidden else ""
     by_cpu = any(one.by_cpu for one in comparison.times)
     notes += " By CPU: the processor time leaves no room for a change that counts." if by_cpu else ""
