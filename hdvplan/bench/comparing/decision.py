@@ -1,9 +1,9 @@
 """Decide from pairs of processes whether a program became worse. Arrays in, verdicts out: nothing here reads, runs or prints.
 
 Every quantity, a cell's mean planning step as well as a process's memory, is one number of each process. The two of a pair ran one after
-the other, or took turns: drift of the machine cancels in their ratio. The slowdown is the middle one of the pairs' ratios, and what is
-shown as base and new are the numbers of that pair. p-values of samples within a process are of no use here: they ask whether two processes
-differ, and two processes of the same program do.
+the other, or took turns: drift of the machine cancels in their ratio. The slowdown is the middle one of the pairs' ratios, of an
+even number the lower one, and what is shown as base and new are the numbers of that pair. p-values of samples within a process are of no
+use here: they ask whether two processes differ, and two processes of the same program do.
 
 A slowdown is not believed unless the pairs agree. If both sides are the same program, each pair could as well have been measured with its
 sides exchanged: the signs of its log ratios, in all quantities at once, are as likely turned round. Turned in every possible way, the pairs
