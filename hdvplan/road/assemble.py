@@ -21,13 +21,14 @@ from hdvplan.road.options import RoadOptions, Role, unheeded
 from hdvplan.road.parts import one_line
 from hdvplan.road.properties import legs_among, with_properties
 from hdvplan.road.recorded import smoothed_in_time, without_stops
-from hdvplan.road.regions import EDGE, Kind, Region, is_island, joined, seen, walls_of, without_spurs
+from hdvplan.road.regions import EDGE, OPEN_M, Kind, Region, is_island, is_median, joined, seen, walls_of, without_spurs
 from hdvplan.texts import counted, printable, some_of
 
 _LISTED = 20  # lines that a question names
 _UNREAD = 8  # layers that a note names
 _LONGEST = 100  # letters of each
 _METRES = Unit()
+_Edge = tuple[FloatArray, list[shapely.Polygon], str]  # a line (n, 2) [m], walls that were drawn as its spurs, and its name
 
 
 @dataclass(frozen=True)
@@ -87,11 +88,9 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)
     drawn = [replace(_drawn(line, list(islice(rest, len(line.parts))), name, routes=routes), to_lonlat=to_lonlat) for line in chosen]
     regions = [Region(Kind.OBSTACLE, wall, label or EDGE) for _, walls, label in edges for wall in walls]
-    for edge, _, label in [] if legs else edges[:]:
-        others = [one for one in edges if one[0] is not edge]
-        if is_island(edge, [other for other, _, _ in others], drawn[0].points):
-            edges = others
-            regions.append(Region(Kind.OBSTACLE, shapely.Polygon(edge), label or EDGE))
+    if not legs:
+        edges, free, drawn[0] = _free(edges, drawn[0], name)
+        regions += free
     regions += [Region(Kind.OBSTACLE, shapely.Polygon(hole), label) for _, holes, label, _ in sides for hole in holes]
     for feature in features:
         regions += beside.regions(feature, len(regions) + 1)
@@ -109,6 +108,21 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
         notes=(*notes, *dict.fromkeys(note for one in drawn for note in one.notes), *unit.notes(name, system), *told, *unread),
         legs=tuple(RawLeg(one, backward) for one, (_, backward) in zip(drawn, legs, strict=False)),
     )
+
+
+def _free(edges: list[_Edge], road: RawRoad, name: str) -> tuple[list[_Edge], list[Region], RawRoad]:
+    """Return edges without those that the road passes on both sides, these as obstacles, and the road, open if no others are left."""
+    free, left, line = list[Region](), edges, road.points
+    for edge, _, label in edges:
+        others = [one for one in left if one[0] is not edge]
+        median = is_median(edge, [one for one, _, _ in edges], line)
+        if median or is_island(edge, [other for other, _, _ in others], line):
+            left = others
+            free += [Region(Kind.OBSTACLE, area, label or EDGE) for area in (walls_of([edge]) if median else [shapely.Polygon(edge)])]
+    if free and not left and road.reaches is None:
+        told = f"{name}: no edge but between arms of the line: the street is open to {OPEN_M:g} m"
+        road = replace(road, reaches=np.full((4, len(line)), OPEN_M), notes=(*road.notes, told))
+    return left, free, road
 
 
 def _drawn(line: _Line, parts: list[FloatArray], name: str, *, routes: bool) -> RawRoad:

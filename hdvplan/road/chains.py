@@ -6,15 +6,17 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from hdvplan.arrays import FloatArray
 from hdvplan.road.path import ReferencePath
-from hdvplan.road.pieces import Kerb
+from hdvplan.road.pieces import Kerb, between
 from hdvplan.road.regions import OPEN_M
 from hdvplan.road.street import BEYOND_M
 
 GAP_M = 0.5  # ends of two lines this close are one kerb
 OVERLAP_M = 1.0  # kerbs that run beside each other for longer are two
+_BACK = -0.5  # cosine of the turn by which a kerb leads back along itself
 _ALONG = 0.5  # metres of road a metre of kerb, below which it leads into a side street
 
 
@@ -99,10 +101,50 @@ def _going_on(chains: list[Kerb], path: ReferencePath) -> list[Kerb]:
     return [replace(kerb, goes_on=len(chains) == 1 or own >= whole - GAP_M) for kerb, own in zip(chains, reach, strict=True)]
 
 
-def gaps(pieces: list[Kerb], length: float, side: str) -> list[str]:
-    """Return notes on the stretches without an edge before the first piece and behind the last one."""
+def opened(kerb: Kerb, open_place: list[Kerb], path: ReferencePath, ends: FloatArray) -> tuple[list[Kerb], tuple[bool, bool]]:
+    """Return what bounds a side of an open road with one kerb, and whether that is an open place before the kerb and behind it.
+
+    A kerb goes on straight, along the road's ``ends`` (2, 2); but not where that would lead back along it, or across the road's line.
+    """
+    rest, ways = (float(kerb.s[0]), path.length - float(kerb.s[-1])), (-ends[0], ends[1])
+    before, behind = (rest[last] > GAP_M and _astray(kerb, path, ways[last], rest[last], last) for last in range(2))
+    astray = (before, behind)
+    others, goes_on = list[Kerb](), True
+    for last, (low, high) in enumerate(((0.0, float(kerb.s[0])), (float(kerb.s[-1]), path.length))):
+        parts = [part for one in open_place if astray[last] and len((part := between(one, low, high)).points) > 1]
+        if len(parts) == 1:
+            order = (kerb, parts[0]) if last else (parts[0], kerb)
+            kerb = replace(kerb, points=np.concatenate([one.points for one in order]), s=np.concatenate([one.s for one in order]))
+        elif astray[last]:  # the arms of the street are one place
+            others, goes_on = others + parts, False
+    if not goes_on:
+        for last in np.flatnonzero(~np.array(astray)).tolist():
+            row, further = -last, BEYOND_M * ways[last]
+            kerb = replace(
+                kerb,
+                points=np.insert(kerb.points, len(kerb.s) * last, kerb.points[row] + further, axis=0),
+                s=np.insert(kerb.s, len(kerb.s) * last, kerb.s[row] + (BEYOND_M if last else -BEYOND_M)),
+            )
+    return [replace(kerb, goes_on=goes_on), *others], astray
+
+
+def _astray(kerb: Kerb, path: ReferencePath, way: FloatArray, rest: float, last: int) -> bool:
+    """Return whether a straight along ``way`` (2,) from a kerb's first or ``last`` point leads back, or across the line's ``rest`` [m]."""
+    sign, begin = (1.0, float(kerb.s[-1])) if last else (-1.0, float(kerb.s[0]))
+    s = begin + sign * np.linspace(-OPEN_M, rest, 2 + int((rest + OPEN_M) / OVERLAP_M))
+    here = path.extended(BEYOND_M, BEYOND_M).at(np.clip(s, -BEYOND_M, path.length + BEYOND_M))
+    heading = float(path.at(np.clip(begin, 0.0, path.length)).heading)
+    own = kerb.points[-1] - kerb.points[-2] if last else kerb.points[0] - kerb.points[1]
+    before = np.stack([own / max(float(np.hypot(*own)), 1e-9), sign * np.array([np.cos(heading), np.sin(heading)])])
+    straight = shapely.LineString([kerb.points[-last], kerb.points[-last] + rest * way])
+    return bool(np.min(before @ way) < _BACK) or straight.intersects(shapely.LineString(np.column_stack([here.x, here.y])))
+
+
+def gaps(pieces: list[Kerb], length: float, side: str, is_open: tuple[bool, bool]) -> list[str]:
+    """Return notes on the stretches without an edge before the first piece and behind the last one; ``is_open``: see ``opened``."""
     if not pieces:
         return [f"no edge on the {side}: it is open to {OPEN_M:g} m"]
     ends = (0.0, min(float(piece.s[0]) for piece in pieces)), (max(float(piece.s[-1]) for piece in pieces), length)
-    stretches = ((begin, end) for begin, end in ends if end - begin > GAP_M)
-    return [f"no edge on the {side} from s = {begin:z.1f} to {end:z.1f} m: it goes on straight there" for begin, end in stretches]
+    stretches = [(begin, end, how) for (begin, end), how in zip(ends, is_open, strict=True) if end - begin > GAP_M]
+    hows = {False: "it goes on straight there", True: f"it is open to {OPEN_M:g} m there"}
+    return [f"no edge on the {side} from s = {begin:z.1f} to {end:z.1f} m: {hows[how]}" for begin, end, how in stretches]

@@ -11,7 +11,7 @@ import shapely
 
 from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up
 from hdvplan.errors import RoadError
-from hdvplan.road.chains import OVERLAP_M, chained, gaps
+from hdvplan.road.chains import OVERLAP_M, chained, gaps, opened
 from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.limits import About, Limits
 from hdvplan.road.path import ReferencePath, project_many
@@ -53,12 +53,14 @@ def drawn_kerbs(
     for left, side in ((True, "left"), (False, "right")):
         own = [piece for piece in pieces if piece.left is left and piece.goes_on]
         chains, bridges = chained(own, path)
-        found = [part for kerb in chains for part in within_lap(kerb, path)]
+        found, is_open = [part for kerb in chains for part in within_lap(kerb, path)], (False, False)
+        if len(found) == 1 and not path.closed:
+            found, is_open = opened(found[0], [kerb for kerb in open_place if kerb.left is left], path, ends)
         assumed = [] if found else [kerb for kerb in open_place if kerb.left is left]
         kerbs += found + assumed
         undrawn += [bridge.ends for bridge in bridges] + [kerb.points if path.closed else _further(kerb.points, ends) for kerb in assumed]
         if not path.closed or not own:  # around a closed road the ends of what is drawn are bridged as well
-            notes += gaps(own, path.length, side)
+            notes += gaps(own, path.length, side, is_open)
         notes += [bridge.note(side, path) for bridge in bridges]
     kerbs += [piece for piece in pieces if not piece.goes_on]
     return tuple(kerbs), tuple(undrawn), (*notes, *dict.fromkeys(note for _, told in sided for note in told))
@@ -181,7 +183,9 @@ def rising(s: FloatArray, offset: FloatArray) -> FloatArray:
 
 def _refuse_wall(path: ReferencePath, s: FloatArray, offset: FloatArray, crossing: int) -> None:
     """Refuse a line that crosses the road behind its point ``crossing``, unless both its sides end there: the end of an area."""
-    here = float(s[crossing])
+    here, leaps = float(s[crossing]), np.flatnonzero(np.abs(np.diff(s)) > 2.0 * _STRAY * _LOCATED_M) + 1
+    arm = np.searchsorted(leaps, np.arange(len(s)), side="right")  # of the road that a point is beside
+    s, offset = s[arm == arm[crossing]], offset[arm == arm[crossing]]
     for way in (1.0, -1.0):  # all of the line lies before, or beyond
         along = way * (here - s)
         if all(np.max(along[side]) > OVERLAP_M for side in (offset > 0.0, offset <= 0.0)) and np.min(along) > -OVERLAP_M:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from hdvplan.arrays import FloatArray, turns_of
+from hdvplan.arrays import BoolArray, FloatArray, turns_of
 from hdvplan.errors import RoadError
 from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.path import ReferencePath
@@ -106,6 +106,24 @@ def is_island(edge: FloatArray, others: list[FloatArray], line: FloatArray) -> b
     across = OPEN_M / max(float(np.hypot(ahead, aside)), SPUR_M) * np.array([-aside, ahead])
     ways = shapely.difference(shapely.linestrings([[middle, middle + across], [middle, middle - across]]), ring)
     return bool(np.all(shapely.intersects(ways, shapely.union_all([shapely.LineString(other) for other in others]))))
+
+
+def is_median(edge: FloatArray, edges: list[FloatArray], line: FloatArray) -> bool:
+    """Return whether an open edge stands between two arms of a ``line``, (n, 2) each [m], along most of itself, before other ``edges``."""
+    road, own = shapely.LineString(line), shapely.LineString(edge)
+    fine = shapely.get_coordinates(shapely.segmentize(own, _SEEN_M))
+    steps = np.diff(fine, axis=0)
+    length = np.hypot(*steps.T)
+    if np.all(edge[0] == edge[-1]) or np.all(length == 0.0) or own.intersects(road):
+        return False
+    fine, steps, length = fine[:-1][length > 0.0], steps[length > 0.0], length[length > 0.0]
+    places, aside = fine + 0.5 * steps, np.column_stack([-steps[:, 1], steps[:, 0]]) / length[:, None]
+    drawn, faces = shapely.union_all([shapely.LineString(one) for one in edges]), list[BoolArray]()
+    for face in (aside, -aside):
+        ways = shapely.linestrings(np.stack([places + SPUR_M * face, places + 2.0 * OPEN_M * face], axis=1))
+        apart = [shapely.distance(shapely.get_point(ways, 0), shapely.intersection(ways, one)) for one in (road, drawn)]
+        faces.append(apart[0] < np.where(np.isnan(apart[1]), np.inf, apart[1]))
+    return bool(np.sum(length[faces[0] & faces[1]]) > 0.5 * np.sum(length))
 
 
 def outlines_of(geometry: shapely.Geometry) -> list[shapely.LineString]:

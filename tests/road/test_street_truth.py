@@ -21,6 +21,8 @@ from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
 from hdvplan.judging.verdict import Verdict, verdict_of
+from hdvplan.road.assemble import road_of as raw_of
+from hdvplan.road.features import Feature
 from hdvplan.road.given import given_line
 from hdvplan.road.limits import About, Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
@@ -198,6 +200,50 @@ def test_edges_of_a_road_in_an_eight_keep_to_their_arm_wherever_they_begin(first
     assert drawn.spare == pytest.approx(
         by_width.spare, abs=0.05
     )  # edges are chords of 2.5 m: inside of 12 m they lie 0.06 m off their curve
+
+
+def with_edge(line: FloatArray, edge: FloatArray) -> Road:
+    """Return the road along a line beside which one edge is drawn, (n, 2) each [m]."""
+    features = [Feature({"type": "LineString", "coordinates": line.tolist()}, {})]
+    features.append(Feature({"type": "LineString", "coordinates": edge.tolist()}, {"edge": "left"}))
+    return road_of(raw_of(features, "street", RoadOptions()))
+
+
+def test_a_side_is_open_where_its_edge_would_go_on_across_the_road() -> None:
+    corner = np.array([[0.0, 0.0], [40.0, 0.0], [70.0, 0.0], [80.0, -10.0], [80.0, -60.0]])
+    road = with_edge(corner, np.array([[0.0, 4.0], [60.0, 4.0]]))  # the road ends to the south of it
+    assert any(
+        note.startswith("street: no edge on the left from s = 60.0 to ") and note.endswith("it is open to 20 m there")
+        for note in road.notes
+    )
+    assert verdict(road).word == YES
+
+
+def test_an_edge_across_both_arms_of_a_u_turn_is_refused() -> None:
+    line = np.array([[0.0, 0.0], [80.0, 0.0], [86.0, 4.0], [86.0, 10.0], [80.0, 14.0], [0.0, 14.0]])
+    with pytest.raises(RoadError, match="crosses the road's line"):
+        with_edge(line, np.array([[24.0, -0.03], [25.0, 18.0]]))
+
+
+@pytest.mark.parametrize("radius", [6.0, 15.0])
+@pytest.mark.parametrize("edge", ["before the bend", "behind the bend", "between the arms", "into the bend"])
+def test_one_edge_between_the_arms_of_a_u_turn_is_kept_by_both(radius: float, edge: str) -> None:
+    turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 20)
+    bend = np.column_stack([80.0 + radius * np.cos(turn), radius + radius * np.sin(turn)])
+    there = np.column_stack([np.arange(0.0, 80.0, 5.0), np.zeros(16)])
+    line = np.concatenate([there, bend, there[::-1] + np.array([0.0, 2.0 * radius])])
+    x, y = {
+        "before the bend": ((-5.0, 70.0), 0.9),
+        "behind the bend": ((-5.0, 70.0), 2.0 * radius - 0.9),
+        "between the arms": ((20.0, 60.0), radius),
+        "into the bend": ((20.0, 78.0 + radius), radius),
+    }[edge]
+    drawn = np.column_stack([x, (y, y)])
+    result = api.plan(Case(with_edge(line, drawn), BUS))
+    assert verdict_of(result).word == YES
+    # where the bus comes from and goes to it does not steer yet, or any more
+    swept = shapely.intersection(shapely.union_all(list(result.swept)), shapely.box(5.0, -40.0, 150.0, 80.0))
+    assert not shapely.intersects(shapely.buffer(swept, -0.01), shapely.LineString(drawn))  # a limit counts as kept to a centimetre
 
 
 @pytest.mark.slow
