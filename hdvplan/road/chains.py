@@ -101,17 +101,27 @@ def _going_on(chains: list[Kerb], path: ReferencePath) -> list[Kerb]:
     return [replace(kerb, goes_on=len(chains) == 1 or own >= whole - GAP_M) for kerb, own in zip(chains, reach, strict=True)]
 
 
-def opened(kerb: Kerb, open_place: list[Kerb], path: ReferencePath, ends: FloatArray) -> tuple[list[Kerb], tuple[bool, bool]]:
-    """Return what bounds a side of an open road with one kerb, and whether that is an open place before the kerb and behind it.
+def opened(kerbs: list[Kerb], place: list[Kerb], path: ReferencePath, ends: FloatArray) -> tuple[list[Kerb], tuple[bool, bool]]:
+    """Return what bounds a side of an open road with ``kerbs``, and whether it is open before the first and behind the last of them.
 
-    A kerb goes on straight, along the road's ``ends`` (2, 2); but not where that would lead back along it, or across the road's line.
+    Those that go on do so straight, along the road's ``ends`` (2, 2); but not where that would lead back along them, or across the road's
+    line: there a side is bound by those of an open ``place``.
     """
+    found, is_open = list[Kerb](), np.zeros(2, bool)
+    for kerb in kerbs:
+        parts, astray = _opened(kerb, place, path, ends) if kerb.goes_on else ([kerb], (False, False))
+        found, is_open = found + parts, is_open | astray
+    return found, (bool(is_open[0]), bool(is_open[1]))
+
+
+def _opened(kerb: Kerb, place: list[Kerb], path: ReferencePath, ends: FloatArray) -> tuple[list[Kerb], tuple[bool, bool]]:
+    """Return a kerb that goes on with what bounds its side before it and behind it, and whether that is open there, see ``opened``."""
     rest, ways = (float(kerb.s[0]), path.length - float(kerb.s[-1])), (-ends[0], ends[1])
     before, behind = (rest[last] > GAP_M and _astray(kerb, path, ways[last], rest[last], last) for last in range(2))
     astray = (before, behind)
     others, goes_on = list[Kerb](), True
     for last, (low, high) in enumerate(((0.0, float(kerb.s[0])), (float(kerb.s[-1]), path.length))):
-        parts = [part for one in open_place if astray[last] and len((part := between(one, low, high)).points) > 1]
+        parts = [part for one in place if astray[last] and len((part := between(one, low, high)).points) > 1]
         if len(parts) == 1:
             order = (kerb, parts[0]) if last else (parts[0], kerb)
             kerb = replace(kerb, points=np.concatenate([one.points for one in order]), s=np.concatenate([one.s for one in order]))

@@ -23,6 +23,7 @@ _LOCATED_M = 2.0  # pieces of a drawn line are located at points this near to ea
 _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
 _AWAY = 2.0  # so many times as far from its arm of the road as where another one came nearer, and as from that: a line has left it
+_SAME_M = 0.01  # from the road's line over a metre or two: no edge, but that line again
 _ELSEWHERE_M = 1000.0  # no street is so wide
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
@@ -53,10 +54,11 @@ def drawn_kerbs(
     for left, side in ((True, "left"), (False, "right")):
         own = [piece for piece in pieces if piece.left is left and piece.goes_on]
         chains, bridges = chained(own, path)
-        found, is_open = [part for kerb in chains for part in within_lap(kerb, path)], (False, False)
-        if len(found) == 1 and not path.closed:
-            found, is_open = opened(found[0], [kerb for kerb in open_place if kerb.left is left], path, ends)
-        assumed = [] if found else [kerb for kerb in open_place if kerb.left is left]
+        found = [part for kerb in chains for part in within_lap(kerb, path)]
+        place, is_open = [kerb for kerb in open_place if kerb.left is left], (False, False)
+        if not path.closed:
+            found, is_open = opened(found, place, path, ends)
+        assumed = [] if found else place
         kerbs += found + assumed
         undrawn += [bridge.ends for bridge in bridges] + [kerb.points if path.closed else _further(kerb.points, ends) for kerb in assumed]
         if not path.closed or not own:  # around a closed road the ends of what is drawn are bridged as well
@@ -101,6 +103,10 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
     beside = np.full(len(points), fill_value=True) if path.closed else (s > 0.0) & (s < path.length)
     if not np.any(beside):
         beside = ~beside
+    same = np.flatnonzero(beside[1:] & (np.abs(offset[1:]) < _SAME_M) & (np.abs(offset[:-1]) < _SAME_M) & (np.diff(number) > 0))
+    if same.size:
+        msg = f"an edge lies on the road's line at s = {s[same[0]]:z.1f} m"
+        raise RoadError(msg, hint="take what is driven along out of the edges", s_m=float(s[same[0]]))
     if ring:
         first = int(np.argmax(beside))
         count = len(s) - (abs(s[-1] - s[0]) <= _LOCATED_M)  # its last point is beside another arm of the road, or the first one again
@@ -188,7 +194,7 @@ def _refuse_wall(path: ReferencePath, s: FloatArray, offset: FloatArray, crossin
     s, offset = s[arm == arm[crossing]], offset[arm == arm[crossing]]
     for way in (1.0, -1.0):  # all of the line lies before, or beyond
         along = way * (here - s)
-        if all(np.max(along[side]) > OVERLAP_M for side in (offset > 0.0, offset <= 0.0)) and np.min(along) > -OVERLAP_M:
+        if all(np.max(along[side], initial=-np.inf) > OVERLAP_M for side in (offset > 0.0, offset <= 0.0)) and np.min(along) > -OVERLAP_M:
             return
     at = here % path.length if path.closed else here
     msg = f"a line that is drawn as an edge crosses the road's line at s = {at:z.1f} m: it would close the street"

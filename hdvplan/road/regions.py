@@ -111,11 +111,11 @@ def is_island(edge: FloatArray, others: list[FloatArray], line: FloatArray) -> b
 def is_median(edge: FloatArray, edges: list[FloatArray], line: FloatArray) -> bool:
     """Return whether an open edge stands between two arms of a ``line``, (n, 2) each [m], along most of itself, before other ``edges``."""
     road, own = shapely.LineString(line), shapely.LineString(edge)
+    if np.all(edge[0] == edge[-1]) or own.length == 0.0 or own.intersects(road):
+        return False
     fine = shapely.get_coordinates(shapely.segmentize(own, _SEEN_M))
     steps = np.diff(fine, axis=0)
     length = np.hypot(*steps.T)
-    if np.all(edge[0] == edge[-1]) or np.all(length == 0.0) or own.intersects(road):
-        return False
     fine, steps, length = fine[:-1][length > 0.0], steps[length > 0.0], length[length > 0.0]
     places, aside = fine + 0.5 * steps, np.column_stack([-steps[:, 1], steps[:, 0]]) / length[:, None]
     drawn, faces = shapely.union_all([shapely.LineString(one) for one in edges]), list[BoolArray]()

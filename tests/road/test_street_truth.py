@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from hdvplan.answers import NO, YES
 from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import RoadError
+from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import Verdict, verdict_of
 from hdvplan.road.assemble import road_of as raw_of
 from hdvplan.road.features import Feature
@@ -202,16 +204,31 @@ def test_edges_of_a_road_in_an_eight_keep_to_their_arm_wherever_they_begin(first
     )  # edges are chords of 2.5 m: inside of 12 m they lie 0.06 m off their curve
 
 
-def with_edge(line: FloatArray, edge: FloatArray) -> Road:
-    """Return the road along a line beside which one edge is drawn, (n, 2) each [m]."""
+def with_edges(line: FloatArray, *edges: FloatArray) -> Road:
+    """Return the road along a line beside which edges are drawn, (n, 2) each [m]."""
     features = [Feature({"type": "LineString", "coordinates": line.tolist()}, {})]
-    features.append(Feature({"type": "LineString", "coordinates": edge.tolist()}, {"edge": "left"}))
+    features += [Feature({"type": "LineString", "coordinates": edge.tolist()}, {"edge": "left"}) for edge in edges]
     return road_of(raw_of(features, "street", RoadOptions()))
+
+
+def u_turn(radius: float) -> FloatArray:
+    """Return a line (n, 2) [m] of two arms of 80 m, from and to x = 0, and a half circle."""
+    turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 20)
+    bend = np.column_stack([80.0 + radius * np.cos(turn), radius + radius * np.sin(turn)])
+    there = np.column_stack([np.arange(0.0, 80.0, 5.0), np.zeros(16)])
+    return np.concatenate([there, bend, there[::-1] + np.array([0.0, 2.0 * radius])])
+
+
+def assert_kept(result: Result, *edges: FloatArray) -> None:
+    """Check that what is swept meets no edge, but where the bus comes from and goes to: it does not steer yet there, or any more."""
+    swept = shapely.intersection(shapely.union_all(list(result.swept)), shapely.box(5.0, -40.0, 150.0, 80.0))
+    for edge in edges:  # a limit counts as kept to a centimetre
+        assert not shapely.intersects(shapely.buffer(swept, -0.01), shapely.LineString(edge))
 
 
 def test_a_side_is_open_where_its_edge_would_go_on_across_the_road() -> None:
     corner = np.array([[0.0, 0.0], [40.0, 0.0], [70.0, 0.0], [80.0, -10.0], [80.0, -60.0]])
-    road = with_edge(corner, np.array([[0.0, 4.0], [60.0, 4.0]]))  # the road ends to the south of it
+    road = with_edges(corner, np.array([[0.0, 4.0], [60.0, 4.0]]))  # the road ends to the south of it
     assert any(
         note.startswith("street: no edge on the left from s = 60.0 to ") and note.endswith("it is open to 20 m there")
         for note in road.notes
@@ -222,16 +239,18 @@ def test_a_side_is_open_where_its_edge_would_go_on_across_the_road() -> None:
 def test_an_edge_across_both_arms_of_a_u_turn_is_refused() -> None:
     line = np.array([[0.0, 0.0], [80.0, 0.0], [86.0, 4.0], [86.0, 10.0], [80.0, 14.0], [0.0, 14.0]])
     with pytest.raises(RoadError, match="crosses the road's line"):
-        with_edge(line, np.array([[24.0, -0.03], [25.0, 18.0]]))
+        with_edges(line, np.array([[24.0, -0.03], [25.0, 18.0]]))
+
+
+def test_an_edge_that_is_the_line_itself_is_refused() -> None:
+    line, kerb = np.array([[0.0, 0.0], [100.0, 0.0]]), np.array([[0.0, 4.0], [100.0, 4.0]])
+    with pytest.raises(RoadError, match=r"an edge lies on the road's line at s = 20.0 m"):
+        with_edges(line, kerb, np.array([[20.0, 0.0], [60.0, 0.0]]))
 
 
 @pytest.mark.parametrize("radius", [6.0, 15.0])
 @pytest.mark.parametrize("edge", ["before the bend", "behind the bend", "between the arms", "into the bend"])
 def test_one_edge_between_the_arms_of_a_u_turn_is_kept_by_both(radius: float, edge: str) -> None:
-    turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 20)
-    bend = np.column_stack([80.0 + radius * np.cos(turn), radius + radius * np.sin(turn)])
-    there = np.column_stack([np.arange(0.0, 80.0, 5.0), np.zeros(16)])
-    line = np.concatenate([there, bend, there[::-1] + np.array([0.0, 2.0 * radius])])
     x, y = {
         "before the bend": ((-5.0, 70.0), 0.9),
         "behind the bend": ((-5.0, 70.0), 2.0 * radius - 0.9),
@@ -239,11 +258,20 @@ def test_one_edge_between_the_arms_of_a_u_turn_is_kept_by_both(radius: float, ed
         "into the bend": ((20.0, 78.0 + radius), radius),
     }[edge]
     drawn = np.column_stack([x, (y, y)])
-    result = api.plan(Case(with_edge(line, drawn), BUS))
+    result = api.plan(Case(with_edges(u_turn(radius), drawn), BUS))
     assert verdict_of(result).word == YES
-    # where the bus comes from and goes to it does not steer yet, or any more
-    swept = shapely.intersection(shapely.union_all(list(result.swept)), shapely.box(5.0, -40.0, 150.0, 80.0))
-    assert not shapely.intersects(shapely.buffer(swept, -0.01), shapely.LineString(drawn))  # a limit counts as kept to a centimetre
+    assert_kept(result, drawn)
+
+
+@pytest.mark.slow
+@given(radius=st.floats(6.0, 25.0), ends=st.lists(st.tuples(st.floats(-10.0, 100.0), st.floats(-4.0, 54.0)), min_size=4, max_size=4))
+@settings(few, max_examples=40)
+def test_no_yes_beside_a_u_turn_sweeps_over_any_edge(radius: float, ends: list[tuple[float, float]]) -> None:
+    edges = np.round([ends[:2], ends[2:]], 2)  # as drawings have them
+    with suppress(RoadError):  # most cross the line, and are refused
+        result = api.plan(Case(with_edges(u_turn(radius), *edges), BUS))
+        if verdict_of(result).fits:
+            assert_kept(result, *edges)
 
 
 @pytest.mark.slow
