@@ -113,9 +113,11 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
 def _free(edges: list[_Edge], road: RawRoad, name: str) -> tuple[list[_Edge], list[Region], RawRoad]:
     """Return edges without those that the road passes on both sides, these as obstacles, and the road, open if no others are left."""
     free, left, line = list[Region](), edges, road.points
+    drawn = shapely.STRtree([shapely.LineString(edge) for edge, _, _ in edges])
+    pieces = shapely.STRtree(np.asarray(shapely.linestrings(np.stack([line[:-1], line[1:]], axis=1))))
     for edge, _, label in edges:
         others = [one for one in left if one[0] is not edge]
-        median = is_median(edge, [one for one, _, _ in edges], line)
+        median = is_median(edge, drawn, pieces)
         if median or is_island(edge, [other for other, _, _ in others], line):
             left = others
             free += [Region(Kind.OBSTACLE, area, label or EDGE) for area in (walls_of([edge]) if median else [shapely.Polygon(edge)])]

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from hdvplan.arrays import BoolArray, FloatArray, turns_of
 from hdvplan.errors import RoadError
@@ -21,6 +22,7 @@ EDGE = "edge"  # what one without a name is called
 _EDGES = (EDGE, "kerb", "curb")  # words in the names of what is one
 _MEET_M = 1e-3  # ends of drawn pieces this close are one place
 _GRID_M = 1e-5  # to which what is drawn twice is rounded
+_FACED_M = 1.0  # so far apart what lies before an edge's two faces is looked for
 _SEEN_M = 0.2  # so far apart points of an edge are looked at from its street
 SPUR_M = 0.01  # as thick is a wall that is drawn without any width
 _ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
@@ -108,22 +110,33 @@ def is_island(edge: FloatArray, others: list[FloatArray], line: FloatArray) -> b
     return bool(np.all(shapely.intersects(ways, shapely.union_all([shapely.LineString(other) for other in others]))))
 
 
-def is_median(edge: FloatArray, edges: list[FloatArray], line: FloatArray) -> bool:
-    """Return whether an open edge stands between two arms of a ``line``, (n, 2) each [m], along most of itself, before other ``edges``."""
-    road, own = shapely.LineString(line), shapely.LineString(edge)
-    if np.all(edge[0] == edge[-1]) or own.length == 0.0 or own.intersects(road):
+def is_median(edge: FloatArray, edges: shapely.STRtree, line: shapely.STRtree) -> bool:
+    """Return whether an open edge, (n, 2) [m], stands between two arms of a line, whose pieces are given, before all other ``edges``.
+
+    It does so along most of itself.
+    """
+    own = shapely.LineString(edge)
+    if np.all(edge[0] == edge[-1]) or own.length == 0.0 or len(line.query(own, predicate="intersects")):
         return False
-    fine = shapely.get_coordinates(shapely.segmentize(own, _SEEN_M))
+    fine = shapely.get_coordinates(shapely.segmentize(own, _FACED_M))
     steps = np.diff(fine, axis=0)
     length = np.hypot(*steps.T)
     fine, steps, length = fine[:-1][length > 0.0], steps[length > 0.0], length[length > 0.0]
     places, aside = fine + 0.5 * steps, np.column_stack([-steps[:, 1], steps[:, 0]]) / length[:, None]
-    drawn, faces = shapely.union_all([shapely.LineString(one) for one in edges]), list[BoolArray]()
+    faces = list[BoolArray]()
     for face in (aside, -aside):
-        ways = shapely.linestrings(np.stack([places + SPUR_M * face, places + 2.0 * OPEN_M * face], axis=1))
-        apart = [shapely.distance(shapely.get_point(ways, 0), shapely.intersection(ways, one)) for one in (road, drawn)]
-        faces.append(apart[0] < np.where(np.isnan(apart[1]), np.inf, apart[1]))
+        ways = np.asarray(shapely.linestrings(np.stack([places + SPUR_M * face, places + 2.0 * OPEN_M * face], axis=1)))
+        faces.append(_first(ways, line) < _first(ways, edges))
     return bool(np.sum(length[faces[0] & faces[1]]) > 0.5 * np.sum(length))
+
+
+def _first(ways: NDArray[np.object_], lines: shapely.STRtree) -> FloatArray:
+    """Return how far along straight ``ways`` (n,) the first of ``lines`` is, (n,) [m]; infinite without any."""
+    way, met = lines.query(ways, predicate="intersects")
+    first = np.full(len(ways), np.inf)
+    apart = shapely.distance(shapely.get_point(ways[way], 0), shapely.intersection(ways[way], lines.geometries[met]))
+    np.minimum.at(first, way, apart)
+    return first
 
 
 def outlines_of(geometry: shapely.Geometry) -> list[shapely.LineString]:
