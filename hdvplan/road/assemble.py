@@ -129,8 +129,8 @@ def _free(edges: list[_Edge], road: RawRoad, name: str) -> tuple[list[_Edge], li
 
 def _drawn(line: _Line, parts: list[FloatArray], name: str, *, routes: bool) -> RawRoad:
     """Return a line with what its own properties say; ``parts`` are its own in the plane, of ``routes`` perhaps recorded ones."""
-    points, notes = one_line(parts, name, directed=line.directed)
     times = line.feature.times
+    points, notes = one_line(parts, name, directed=line.directed, recorded=times is not None)
     if times is not None and len(times) == len(points):
         points, told = smoothed_in_time(points, times, name)
         notes += told

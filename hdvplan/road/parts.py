@@ -22,15 +22,16 @@ _LEVEL, _KINK = np.cos(np.deg2rad((10.0, 30.0)))  # which these and theirs keep 
 _MOST_PARTS = 5000  # of a line that are joined: a bus route has hundreds, and a country's network takes hours
 
 
-def one_line(parts: list[FloatArray], name: str, *, directed: bool) -> tuple[FloatArray, tuple[str, ...]]:
+def one_line(parts: list[FloatArray], name: str, *, directed: bool, recorded: bool = False) -> tuple[FloatArray, tuple[str, ...]]:
     """Return one line from parts that join end to start, in their own direction, or else the first one's, whatever their order; and notes.
 
-    Over pauses, as loggers make them, no longer than a step of the parts, a line goes on.
+    Over pauses, as loggers make them, a line goes on: up to 25 m where it was ``recorded``, else up to a step of the parts.
     """
     gap = max((float(np.hypot(*(after[0] - before[-1]))) for before, after in pairwise(parts)), default=0.0)
     if gap <= _SNAP_M:
         return np.concatenate(parts), ()
-    if directed and gap <= min(_PAUSE_M, *(float(np.max(np.hypot(*np.diff(part, axis=0).T))) for part in parts)):
+    steps = (np.inf if recorded else float(np.max(np.hypot(*np.diff(part, axis=0).T))) for part in parts)
+    if directed and gap <= min(_PAUSE_M, *steps):
         return np.concatenate(parts), (f"{name}: the line's {len(parts)} parts are taken as one, over gaps of up to {gap:.1f} m",)
     if len(parts) > _MOST_PARTS:
         msg = f"{name}: the line has {len(parts)} parts out of order; at most {_MOST_PARTS} are joined"

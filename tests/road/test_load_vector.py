@@ -580,6 +580,10 @@ def test_a_recorded_track_is_smoothed_over_its_times_and_its_scatter_is_told(tmp
         off = shapely.distance(line, shapely.points((np.column_stack(raw.to_lonlat(*raw.points.T)) - [11.97, 57.7]) / degrees))
         assert float(np.sqrt(np.mean(off**2))) < 0.35  # 0.5 m across the line as recorded
         assert np.max(np.abs(np.diff(np.unwrap(np.arctan2(*np.diff(raw.points, axis=0).T[::-1]))))) < 0.7  # nor zigzag
+    pause = track(
+        path, degrees * metres[:30] + [11.97, 57.7], degrees * metres[33:] + [11.97, 57.7], timed=True
+    )  # 20 m of arc, steps of 5 m
+    assert pause.notes[0] == "t.gpx: the line's 2 parts are taken as one, over gaps of up to 19.9 m"
     backwards = track(path, np.array([[11.97, 57.7], [11.98, 57.7], [11.99, 57.7]]))
     times = np.array([0.0, 5.0, 3.0])
     assert smoothed_in_time(backwards.points, times, "f") == (backwards.points, ())
