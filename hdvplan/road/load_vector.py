@@ -181,7 +181,7 @@ def _features(source: _Source, layer: str, system: str | None, driver: str) -> l
         return []
     if (driver, layer) == _TRACKS:
         points, _, places, values = source.read("track_points")
-        geometries, times = tracks_of(dict(zip(points, values, strict=True)), places)
+        geometries, times = tracks_of(numbers, dict(zip(points, values, strict=True)), places)
     else:
         geometries, times = _geometries(shapes, source.path.name, layer), [None] * len(shapes)
     titles = [title.casefold() for title in titles]

@@ -21,19 +21,21 @@ _STOP_M = 5.0  # from where a recorder begins to stand, within which its points 
 _SCATTER_M = 2.0  # of a point that it writes, at most
 
 
-def tracks_of(columns: Mapping[str, NDArray[Any]], shapes: NDArray[np.object_]) -> tuple[list[Any], list[FloatArray | None]]:
-    """Return the tracks of a GPX file from its points, and when these were recorded [s], None where it does not say.
+def tracks_of(
+    numbers: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], shapes: NDArray[np.object_]
+) -> tuple[list[Any], list[FloatArray | None]]:
+    """Return the tracks of a GPX file with these ``numbers`` from its points, and when these were recorded [s], None where it is not said.
 
-    Segments of one point are left out: they are no lines.
+    Segments of one point are left out: they are no lines. None stands for a track without others.
     """
     track, times = columns["track_fid"], (columns["time"] - columns["time"][:1]) / np.timedelta64(1, "s")
     points = shapely.get_coordinates(shapely.from_wkb(shapes))
     _, rows, counts = np.unique(np.column_stack([track, columns["track_seg_id"]]), axis=0, return_inverse=True, return_counts=True)
     geometries, recorded = list[Any](), list[FloatArray | None]()
-    for one in np.unique(track):
+    for one in numbers:
         own = (track == one) & (counts[rows] > 1)
         geometries.append(shapely.MultiLineString([points[own & (rows == at)] for at in np.unique(rows[own])]) if np.any(own) else None)
-        recorded.append(times[own] if np.all(np.isfinite(times[own])) else None)
+        recorded.append(times[own] if np.any(own) and np.all(np.isfinite(times[own])) else None)
     return geometries, recorded
 
 

@@ -562,6 +562,17 @@ def test_a_track_is_read_without_its_stops_and_its_segments_of_one_point(tmp_pat
     np.testing.assert_allclose(track(path, moving, moving[-2::-1]).points[:30], whole.points, atol=1e-6)  # out and back is no stop
 
 
+def test_a_track_without_points_is_no_line_and_changes_no_other_one(tmp_path: Path) -> None:
+    path = tmp_path / "t.gpx"
+    points = "".join(f'<trkpt lat="57.7" lon="{11.97 + 1e-4 * step:.4f}"/>' for step in range(9))
+    empty, whole = "<trk><name>B</name></trk>", TRACK.format(points)
+    path.write_text(GPX.format("").replace(TRACK.format(""), empty + whole), encoding="utf-8")
+    assert len(read_vector(path, RoadOptions()).points) == 9
+    path.write_text(GPX.format("").replace(TRACK.format(""), empty), encoding="utf-8")
+    with pytest.raises(RoadError, match=r"t\.gpx has no lines"):
+        read_vector(path, RoadOptions())
+
+
 def test_a_recorded_track_is_smoothed_over_its_times_and_its_scatter_is_told(tmp_path: Path) -> None:
     path, second = tmp_path / "t.gpx", np.arange(100.0)
     along = 5.0 * np.cumsum(np.clip(np.abs(second - 50.0) / 5.0 - 1.0, 0.0, 1.0))  # 5 m/s, and a stop of ten seconds
