@@ -216,7 +216,7 @@ def _face(line: Line, outline: FloatArray, feet: Feet, side: Side, street: Stree
     number = len(outline) - 1 - feet.point if side is Side.LEFT else feet.point
     first = int(np.argmin(feet.s + _TIE_M * sign * feet.offset))
     last = int(np.argmax(feet.s - _TIE_M * sign * feet.offset))
-    count = (number[last] - number[first]) % len(outline)
+    count = (number[last] - number[first]) % len(outline) or len(outline)  # a sliver across the line begins and ends in one place
     around = path.closed and bool(np.ptp(feet.s) > path.length - _APART_M)
     if around:
         count, last = len(outline), first

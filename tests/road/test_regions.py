@@ -207,6 +207,7 @@ polygons = st.lists(st.tuples(metres(8.0), metres(6.0)), min_size=3, max_size=7)
 )  # fmt: skip
 @example(bend=0.0390625, places=[(62.75, [(0.0, 0.0), (0.0, 1.0), (2.703125, 2.984375)])], width=None)
 @example(bend=-0.09375, places=[(74.75, [(0.0, 0.0), (1.0, 0.0), (7.875, 5.5)])], width=None)  # a face beyond where normals meet
+@example(bend=0.0, places=[(5.0, [(0.0, 0.0), (0.0, -3.0), (0.0625, 4.0)])], width=None)  # a sliver across the line
 def test_no_point_of_any_obstacle_lies_before_its_face(
     bend: float, places: list[tuple[float, list[tuple[float, float]]]], width: float | None
 ) -> None:
