@@ -48,13 +48,27 @@ def vehicles_named(source: str, *, quiet: bool) -> list[Vehicle]:
     return vehicles
 
 
-def smoothed(found: Found, name: str, reaches: tuple[float, float] | None = None, *, quiet: bool) -> Road:
-    """Return the road that was found, between limits that options gave [m]; say what was noted, and which regions do not count."""
+def number_of(option: str, value: str, what: str) -> float:
+    """Return the number in an option that takes a word, too, as ``what`` says; an ``OptionError`` where it holds neither."""
+    try:
+        return float(value)
+    except ValueError:
+        msg = f"--{option} must be a number of {what}, not {value!r}"
+        raise OptionError(msg) from None
+
+
+def smoothed(
+    found: Found, name: str, reaches: tuple[float, float] | None = None, *, told: Sequence[str] | None = None, quiet: bool
+) -> Road:
+    """Return the road that was found, between limits that options gave [m]; say what was noted, and which regions do not count.
+
+    Where the same road was smoothed for another vehicle before, the notes that were ``told`` then, and the regions, are not said again.
+    """
     with progress(f"smoothing {name}", quiet=quiet):
         road = found()
     for remark in road.notes:
-        note(remark, quiet=quiet)
-    warn_far_regions(road.regions, [road.path], quiet=quiet)
+        note(remark, quiet=quiet or remark in (told or ()))
+    warn_far_regions(road.regions, [road.path], quiet=quiet or told is not None)
     return road if reaches is None else road.with_limits(*reaches)
 
 

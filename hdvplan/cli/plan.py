@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from hdvplan.cli.checks import check_bias, check_fits, meeting_of, refuse_on, smoothed, vehicles_named
+from hdvplan.cli.checks import check_bias, check_fits, meeting_of, number_of, refuse_on, smoothed, vehicles_named
 from hdvplan.cli.console import note, progress, warn, writing
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, VEHICLE
 from hdvplan.cli.legs import LAST, LEAD, finish, legs_in
@@ -20,6 +20,8 @@ from hdvplan.road.options import RoadOptions
 from hdvplan.settings import Setting, fields_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hdvplan.case import Case
     from hdvplan.judging.result import Result
     from hdvplan.road.line import Line
@@ -100,11 +102,7 @@ def plan(
     --tracking-error, or no plan exists. 2: bad input.
     """
     if more.clearance != LARGEST:
-        try:
-            settings = replace(settings, clearance=float(more.clearance))
-        except ValueError:
-            msg = f"--clearance must be a number of metres or {LARGEST}, not {more.clearance!r}"
-            raise OptionError(msg) from None
+        settings = replace(settings, clearance=number_of("clearance", more.clearance, f"metres or {LARGEST}"))
     asked = _Asked(road, room.reaches(), reading, settings, options, output, more)
     output.drawn_on()  # a sheet or a format that cannot be is told before anything is read
     output.kinds()
@@ -162,7 +160,7 @@ def _plan_all(asked: _Asked, vehicles: list[Vehicle]) -> int:
         found = _found(asked, vehicle)
         if found.line is not None:
             refuse_on(found.line, {"--vehicle with several names": bool(found.line.raw.legs) or found.line.long})
-        results.append(_planned(asked, found, vehicle, again=bool(results)))
+        results.append(_planned(asked, found, vehicle, told=results[0].case.road.notes if results else None))
         directory = output.out or Path(f"{file_name(results[0].case.road.name)}.compared")
         write(partial(write_plan, results[-1]), directory / file_name(vehicle.name), output)
     return compare(results, directory, output)
@@ -243,13 +241,13 @@ def _plan_legs(asked: _Asked, line: Line, vehicle: Vehicle) -> int:
     return finish(driven, folder, output)
 
 
-def _planned(asked: _Asked, found: Found, vehicle: Vehicle, *, again: bool = False) -> Result:
-    """Return the plan, judged; what was noted of the road is not said ``again``."""
+def _planned(asked: _Asked, found: Found, vehicle: Vehicle, *, told: Sequence[str] | None = None) -> Result:
+    """Return the plan, judged; ``told`` is what was noted of the road for another vehicle, if there was one."""
     from hdvplan import api
     from hdvplan.report.paper import check_scale
 
     options, quiet = asked.options, asked.output.quiet
-    track = smoothed(found, asked.road, quiet=quiet or again)
+    track = smoothed(found, asked.road, told=told, quiet=quiet)
     if options.side is not None and not any(one.on_line and track.regions[one.region].side is None for one in track.passages):
         warn(f"--pass {options.side} has no effect: no obstacle lies on the line, or each has a side of its own", quiet=quiet)
     case = asked.case(track, vehicle)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hdvplan.cli.checks import vehicle_named
+from hdvplan.cli.checks import number_of, vehicle_named
 from hdvplan.cli.console import ExitCode, print_answer, print_json, print_tables, progress, report_error, writing
 from hdvplan.cli.help import OUTPUT, SITE
 from hdvplan.cli.options import WRITTEN, OptionsOf, Output, VehicleOrNoneOption, check_folder, file_name, with_settings
@@ -68,8 +68,8 @@ class TurnOptions:
             raise OptionError(msg, hint="`hdvplan turn --list` names the templates")
         guide = GuidePoint(choice("--guide", self.guide or _GUIDE, list(GuidePoint)))
         own, steady = self.radius == _OWN, self.angle == _STEADY
-        radius = tightest(vehicle, guide_offsets(guide, vehicle)) if own else _number("radius", self.radius, f"metres or {_OWN}")
-        angle = None if steady else radians(_number("angle", self.angle, f"degrees or {_STEADY}"))
+        radius = tightest(vehicle, guide_offsets(guide, vehicle)) if own else number_of("radius", self.radius, f"metres or {_OWN}")
+        angle = None if steady else radians(number_of("angle", self.angle, f"degrees or {_STEADY}"))
         return Manoeuvre(radius, angle, guide, self.ramp or 0.0, standstill=self.standstill)
 
     def refuse_more(self, hint: str | None = None) -> None:
@@ -78,14 +78,6 @@ class TurnOptions:
             if getattr(self, field.name) not in {None, False}:
                 msg = f"--{field.name} contradicts --template, which says it already"
                 raise OptionError(msg, hint=hint)
-
-
-def _number(option: str, value: str, what: str) -> float:
-    try:
-        return float(value)
-    except ValueError as error:
-        msg = f"--{option} must be a number of {what}, not {value!r}"
-        raise OptionError(msg) from error
 
 
 @with_settings

@@ -180,9 +180,8 @@ def approaches(drive: Drive) -> tuple[Approach, ...]:
     found: list[list[Approach]] = [[] for _ in obstacles]
     for i, number in enumerate(numbers):
         side, part = "left" if across[i] > 0.0 else "right", part_named(drive.vehicle.units[unit[i]], float(ahead[i]))
-        span, point = (float(s_from[i]), float(s_to[i])), (float(x[i]), float(y[i]))
-        depth, obstacle = float(places["distance"][i]), obstacles[number].at(*point)
-        found[number].append(Approach(obstacle, depth, float(s[i]), *span, *point, int(unit[i]), side, part))
+        span, point = (float(s[i]), float(s_from[i]), float(s_to[i])), (float(x[i]), float(y[i]))
+        found[number].append(Approach(obstacles[number].at(*point), float(places["distance"][i]), *span, *point, int(unit[i]), side, part))
     return tuple(map(Approach.of, found))
 
 
@@ -264,22 +263,22 @@ def _entered(drive: Drive, parts: Shapes, wholes: Shapes, bodies: Shapes, tree: 
     overlaps = shapely.intersection(bodies[inside], parts[met])
     within = shapely.point_on_surface(overlaps)  # corners alone would miss a wall that crosses a body from side to side
     points, owner = shapely.get_coordinates(np.concatenate([overlaps, within]), return_index=True)
-    owner %= max(len(overlaps), 1)
+    if not len(points):
+        return np.empty(0, np.intp), np.empty(0, _PLACE)
+    owner %= len(overlaps)
     pose, unit = np.divmod(inside[owner], len(drive.vehicle.units))
     s = _along(drive, pose, unit, _on_bodies(drive, pose, unit, points)[0], points)
     order = np.lexsort((s, met[owner]))
     points, owner, s = points[order], owner[order], s[order]
-    first = np.flatnonzero(np.append(True, (np.diff(met[owner]) > 0) | (np.diff(s) > _LEAP_M)))[: len(s)]
-    places = np.empty(len(first), _PLACE)
-    if not len(first):
-        return first, places
+    begins = np.append(True, (np.diff(met[owner]) > 0) | (np.diff(s) > _LEAP_M))
+    row, first = np.cumsum(begins) - 1, np.flatnonzero(begins)
     spots = shapely.points(points)
     in_body = shapely.distance(spots, shapely.boundary(bodies[inside])[owner])
     # How far within the outline of the body or of the obstacle, whichever is further.
     depths = np.maximum(in_body, shapely.distance(spots, shapely.boundary(wholes)[met[owner]]))
-    row = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(owner))))
     ranked = np.lexsort((-in_body, -np.round(depths, _DIGITS), row))  # of places equally deep that furthest in a body
     deepest = ranked[np.unique(row[ranked], return_index=True)[1]]
+    places = np.empty(len(first), _PLACE)
     places["body"], places["point"], places["distance"] = inside[owner[deepest]], points[deepest], -depths[deepest]
     places["s_from"], places["s_to"] = np.minimum.reduceat(s, first), np.maximum.reduceat(s, first)
     return met[owner[first]], places

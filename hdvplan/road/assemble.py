@@ -88,7 +88,7 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
     to_lonlat, rest = None if plane is None else plane.to_lonlat, iter(placed)
     drawn = [replace(_drawn(line, list(islice(rest, len(line.parts))), name, routes=routes), to_lonlat=to_lonlat) for line in chosen]
     regions = [Region(Kind.OBSTACLE, wall, label or EDGE) for _, walls, label in edges for wall in walls]
-    if not legs:
+    if edges and not legs:
         edges, free, drawn[0] = _free(edges, drawn[0], name)
         regions += free
     regions += [Region(Kind.OBSTACLE, shapely.Polygon(hole), label) for _, holes, label, _ in sides for hole in holes]

@@ -127,14 +127,10 @@ def _opened(kerb: Kerb, place: list[Kerb], path: ReferencePath, ends: FloatArray
             kerb = replace(kerb, points=np.concatenate([one.points for one in order]), s=np.concatenate([one.s for one in order]))
         elif astray[last]:  # the arms of the street are one place
             others, goes_on = others + parts, False
-    if not goes_on:
-        for last in np.flatnonzero(~np.array(astray)).tolist():
-            row, further = -last, BEYOND_M * ways[last]
-            kerb = replace(
-                kerb,
-                points=np.insert(kerb.points, len(kerb.s) * last, kerb.points[row] + further, axis=0),
-                s=np.insert(kerb.s, len(kerb.s) * last, kerb.s[row] + (BEYOND_M if last else -BEYOND_M)),
-            )
+    if not goes_on:  # but for an end that is not open
+        points = [kerb.points[:1] + BEYOND_M * ways[0], kerb.points, kerb.points[-1:] + BEYOND_M * ways[1]]
+        s, kept = [kerb.s[:1] - BEYOND_M, kerb.s, kerb.s[-1:] + BEYOND_M], slice(int(before), 3 - int(behind))
+        kerb = replace(kerb, points=np.concatenate(points[kept]), s=np.concatenate(s[kept]))
     return [replace(kerb, goes_on=goes_on), *others], astray
 
 

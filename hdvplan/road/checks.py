@@ -158,6 +158,11 @@ def refuse_outliers(points: FloatArray, lines: tuple[int, ...] | None, name: str
             raise RoadError(msg, hint="correct or remove the point that is wrong; on a long straight, add points between")
 
 
+def named_point(at: int, lines: tuple[int, ...] | None) -> str:
+    """Return what a message calls point ``at`` of a line, as its file has it; ``lines`` are those of the points in it."""
+    return f"point {at + 1}" if lines is None else f"line {lines[at]} of the file"
+
+
 def pointed_at(error: RoadError, points: FloatArray, lines: tuple[int, ...] | None, to_lonlat: ToLonLat | None) -> RoadError:
     """Return a refusal to smooth a line, shape (n, 2) [m], that says which of its points is to blame, as its file has it."""
     s = np.inf if error.s_m is None else error.s_m
@@ -165,13 +170,12 @@ def pointed_at(error: RoadError, points: FloatArray, lines: tuple[int, ...] | No
     if not np.any(near):
         return error
     at = 1 + int(np.argmin(np.where(near, turns_of(points), np.inf)))
-    which = f"point {at + 1}" if lines is None else f"line {lines[at]} of the file"
     x, y = points[at].tolist()
     lonlat = None
     if to_lonlat is not None and is_local(to_lonlat):  # the file's coordinates are degrees
         lon, lat = np.ravel(to_lonlat(*points[at : at + 1].T))
         lonlat = (float(lon), float(lat))
-    msg = f"{error} (sharpest at {which}, {place_text(x, y, lonlat)})"
+    msg = f"{error} (sharpest at {named_point(at, lines)}, {place_text(x, y, lonlat)})"
     return RoadError(msg, s_m=error.s_m, hint=error.hint)
 
 

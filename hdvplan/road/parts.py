@@ -9,7 +9,7 @@ import shapely
 
 from hdvplan.arrays import FloatArray, turns_of
 from hdvplan.errors import RoadError
-from hdvplan.road.checks import BACK
+from hdvplan.road.checks import BACK, named_point
 from hdvplan.road.regions import snapped
 from hdvplan.texts import counted
 
@@ -55,12 +55,9 @@ def odd_points(points: FloatArray, lines: tuple[int, ...] | None, name: str) -> 
     long = np.hypot(*steps.T) > _STEP_M
     back = 1 + np.flatnonzero((turns < BACK) & long[1:] & long[:-1])
 
-    def which(at: int) -> str:
-        return f"point {at + 1}" if lines is None else f"line {lines[at]} of the file"
-
     notes = list[str]()
     if len(back):
-        what = f"the line goes back on itself at {counted(len(back), 'point')}, first at {which(back[0])}"
+        what = f"the line goes back on itself at {counted(len(back), 'point')}, first at {named_point(back[0], lines)}"
         notes.append(f"{name}: {what}: are its points in the right order?")
     if len(points) >= _FIVE:
         before, across, after = steps[:-3], points[3:-1] - points[1:-3], steps[3:]
@@ -69,6 +66,6 @@ def odd_points(points: FloatArray, lines: tuple[int, ...] | None, name: str) -> 
         apart = np.abs(across[:, 0] * own[:, 1] - across[:, 1] * own[:, 0]) / np.maximum(length, _STEP_M)
         aside = np.flatnonzero(level[0] & level[1] & (turns[1:-1] < _KINK) & (apart > _ASIDE_M))
         if len(aside):
-            what = f"{which(2 + aside[0])} lies {apart[aside[0]]:.1f} m off the straight of those before and behind it"
+            what = f"{named_point(2 + aside[0], lines)} lies {apart[aside[0]]:.1f} m off the straight of those before and behind it"
             notes.append(f"{name}: {what}: is it a mistake?")
     return tuple(notes)
