@@ -585,7 +585,10 @@ def test_no_random_house_behind_a_kerb_changes_anything(
     kerbs = road_of(RawRoad(line, np.full((4, len(line)), half_width), corner_radius=radius)).kerbs
     assert kerbs is not None
     left, right = (next(kerb.points for kerb in kerbs.kerbs if kerb.left is own) for own in (True, False))
-    street = shapely.Polygon(ring_of((left, right))).buffer(behind)
+    # a vehicle reaches beyond the ends of its line: a house there would be in its way
+    ends = [np.array([end, end + 40.0 * (end - before) / np.hypot(*(end - before))]) for end, before in (line[[0, 1]], line[[-1, -2]])]
+    onwards = [shapely.LineString(end).buffer(half_width + behind, cap_style="flat") for end in ends]
+    street = shapely.union_all([shapely.Polygon(ring_of((left, right))).buffer(behind), *onwards])
     x, y = line[1]
     house = shapely.affinity.rotate(shapely.box(x, y, x + sides[0], y + sides[1]), turned, origin=(x, y))
     away = np.array([math.cos(math.radians(turned + 45.0)), math.sin(math.radians(turned + 45.0))])
