@@ -23,8 +23,13 @@ def without_word(line: str, word: str) -> str:
 
 
 def room_text(spare: float, *, fits: bool, digits: int = 2) -> str:
-    """Return the room to spare, or lacking where it is negative [m]; what is broken by less than counts is no lack."""
-    return f"{max(spare, 0.0):.{digits}f} m to spare" if fits else f"{-spare:.{digits}f} m lacking"
+    """Return the room to spare, or lacking where it is negative [m]."""
+    return f"{room_number(spare, fits=True):.{digits}f} m to spare" if fits else f"{-spare:.{digits}f} m lacking"
+
+
+def room_number(spare: float, *, fits: bool) -> float:
+    """Return the room to spare as it is told [m]: what is broken by less than counts is no lack."""
+    return max(spare, 0.0) if fits else spare
 
 
 def needs_text(half_width: float) -> str:

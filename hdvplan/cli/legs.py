@@ -7,7 +7,7 @@ from functools import partial
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
-from hdvplan.answers import NO, without_word
+from hdvplan.answers import NO, room_number, without_word
 from hdvplan.cli.checks import warn_far_regions
 from hdvplan.cli.console import ExitCode, note, print_answer, print_tables, progress, report_error, warn
 from hdvplan.cli.outcome import write
@@ -83,8 +83,8 @@ def _print_legs(summary: dict[str, Any], directory: Path) -> None:
     rows = []
     for leg in summary["legs"]:
         verdict = leg["verdict"]
-        spare = "-" if verdict["spare_m"] is None else f"{verdict['spare_m']:.3f}"
         word = verdict["word"] if leg["jackknife"] is None else NO
+        spare = "-" if verdict["spare_m"] is None else f"{room_number(verdict['spare_m'], fits=word != NO):.3f}"
         ends = ", ".join(f"{round(angle, 1) + 0.0:+.1f}" for angle in leg["articulation_end_deg"]) or "-"
         place = (f"{verdict['s_m']:z.1f}", f"{verdict['part']} of the {verdict['unit']}")
         moved = "-" if leg["smoothing"] is None else f"{leg['smoothing']['max_deviation_m']:.2f}"

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hdvplan.answers import NEEDS, NO, YES, worded
+from hdvplan.answers import NEEDS, NO, YES, room_number, worded
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import amount_text, short_verdict, strays_text, verdict_of
 from hdvplan.report import INK, MUTED, answer_colour, body_colour
@@ -64,7 +64,8 @@ def answer_rows(results: Sequence[Result]) -> pd.DataFrame:
 
 def answer_texts(table: pd.DataFrame) -> pd.DataFrame:
     """Return the rows as a terminal shows them: without columns that have no number; where a clearance is asked for, with what is kept."""
-    table = table.assign(kept_m=table["spare_m"] + table["clearance_m"])
+    told = [room_number(spare, fits=word != NO) for spare, word in zip(table["spare_m"], table["answer"], strict=True)]
+    table = table.assign(spare_m=told, kept_m=table["spare_m"] + table["clearance_m"])
     dropped = {"spare_m"} if table["clearance_m"].any() else {"kept_m", "clearance_m"}
     shown = [name for name in _NUMBERS if name not in dropped and table[name].notna().any()]
     texts = {}
