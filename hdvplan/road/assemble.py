@@ -80,8 +80,9 @@ def road_of(features: list[Feature], name: str, options: RoadOptions, unit: Unit
     sides = [(*beside.edges(feature), label_of(feature), feature.layer) for feature in features]
     pieces = [(edge, label, layer) for own, _, label, layer in sides for edge in own]
     before = pieces if legs else seen(pieces, shapely.MultiLineString(placed))
-    if len(before) < len(pieces):
-        notes = (*notes, f"{name}: {counted(len(pieces) - len(before), 'edge')} behind others left out")
+    hidden = sum(all(piece is not one for one in before) for piece in pieces)
+    if hidden:
+        notes = (*notes, f"{name}: {counted(hidden, 'edge')} left out where behind others")
     edges = [(*without_spurs(edge), label) for edge, label, _ in (before if legs else joined(before))]
     if system is None:
         refuse_no_street(placed, None, [edge for edge, _, _ in edges], unit, name)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.ops import substring
 
 from hdvplan.arrays import BoolArray, FloatArray, turns_of
 from hdvplan.errors import RoadError
@@ -23,8 +25,10 @@ _EDGES = (EDGE, "kerb", "curb")  # words in the names of what is one
 _MEET_M = 1e-3  # ends of drawn pieces this close are one place
 _GRID_M = 1e-5  # to which what is drawn twice is rounded
 _FACED_M = 1.0  # so far apart what lies before an edge's two faces is looked for
+_BEYOND_M = 60.0  # a road's ends, where what is drawn counts
 _SEEN_M = 0.2  # so far apart points of an edge are looked at from its street
 SPUR_M = 0.01  # as thick is a wall that is drawn without any width
+_Drawn = tuple[FloatArray, str, str]  # a line (n, 2) [m], its name and its layer
 _ELSEWHERE_M = 1e5  # regions of a whole city may be given for a road beside it
 
 
@@ -206,32 +210,57 @@ def snapped(lines: list[FloatArray], within: float) -> list[FloatArray]:
     return [np.concatenate([begin, line[1:-1], end]) for line, (begin, end) in zip(lines, moved[:, :, None], strict=True)]
 
 
-def seen(edges: list[tuple[FloatArray, str, str]], line: shapely.Geometry) -> list[tuple[FloatArray, str, str]]:
-    """Return edges, (n, 2) [m] with name and layer, without those that lie beside a ``line`` and wholly behind others, such as fences."""
+def seen(edges: list[_Drawn], line: shapely.Geometry) -> list[_Drawn]:
+    """Return edges, (n, 2) [m] with name and layer, without what lies beside a ``line`` and behind others: fences, and ends of walls.
+
+    Of one that crosses others the parts between these are looked at one by one. What is further aside goes with what it is the end of.
+    """
     if len(edges) <= 2:  # noqa: PLR2004 - one a side
         return edges
-    drawn = [shapely.LineString(edge) for edge, _, _ in edges]
+    drawn = np.array([shapely.LineString(edge) for edge, _, _ in edges])
     beside = shapely.union_all([shapely.buffer(part, OPEN_M, cap_style="flat") for part in shapely.get_parts(line) if part.length])
+    beyond = shapely.difference(shapely.buffer(shapely.boundary(line), _BEYOND_M), beside)
     room = shapely.get_parts(shapely.difference(beside, shapely.buffer(shapely.union_all(drawn), _MEET_M, cap_style="square")))
     before = shapely.buffer(shapely.union_all(room[shapely.intersects(room, line)]), 2.0 * _MEET_M)
-    length = shapely.length(drawn)
+    parts, edge_of = shapely.get_parts(_parted(drawn, shapely.boundary(beside)), return_index=True)
+    length = shapely.length(parts)
     long = np.flatnonzero(length > 0.0)
-    fine = shapely.segmentize(np.array(drawn)[long], np.minimum(0.5 * length[long], _SEEN_M))
+    fine = shapely.segmentize(parts[long], np.minimum(0.5 * length[long], _SEEN_M))
     points, owner = shapely.get_coordinates(fine, return_index=True)
     inner = 1 + np.flatnonzero(owner[2:] == owner[:-2])  # where an edge begins at a kerb, its end is seen
     shapely.prepare([before, beside])
-    met = long[owner[inner[shapely.contains_xy(before, points[inner])]]]
-    hidden = (length > 0.0) & shapely.covers(beside, drawn) & ~np.isin(np.arange(len(edges)), met)
-    return [edge for edge, behind in zip(edges, hidden, strict=True) if not behind]
+    within = shapely.contains_xy(before, points[inner]), ~shapely.contains_xy(beside, points[inner])
+    is_seen, aside = (np.isin(np.arange(len(parts)), long[owner[inner[there]]]) for there in within)
+    hidden = (length > 0.0) & ~is_seen & ~aside & (shapely.length(shapely.intersection(drawn, beyond)) < _MEET_M)[edge_of]
+    same = np.diff(edge_of) == 0
+    hidden |= aside & (np.append(hidden[1:] & same, False) | np.append(False, hidden[:-1] & same))
+    found = list[_Drawn]()
+    for at, edge in enumerate(edges):
+        behind = hidden & (edge_of == at)
+        whole = shapely.line_merge(shapely.MultiLineString(list(parts[(edge_of == at) & ~behind])))
+        found += [(shapely.get_coordinates(part), *edge[1:]) for part in shapely.get_parts(whole)] if np.any(behind) else [edge]
+    return found
 
 
-def joined(edges: list[tuple[FloatArray, str, str]]) -> list[tuple[FloatArray, str, str]]:
+def _parted(lines: NDArray[np.object_], bound: shapely.Geometry) -> NDArray[np.object_]:
+    """Return each of ``lines`` as it is or, where it crosses others or a ``bound``, parted there into several."""
+    others = np.array([*lines, bound])
+    own, met = shapely.STRtree(others).query(lines, predicate="crosses")
+    parted = lines.copy()
+    for at in np.unique(own[~shapely.is_closed(lines[own])]):
+        where = shapely.get_parts(shapely.intersection(lines[at], shapely.union_all(others[met[own == at]])))
+        ends = np.unique([0.0, *shapely.line_locate_point(lines[at], shapely.centroid(where)), lines[at].length])
+        parted[at] = shapely.geometrycollections([substring(lines[at], *stretch) for stretch in pairwise(ends)])
+    return parted
+
+
+def joined(edges: list[_Drawn]) -> list[_Drawn]:
     """Return edges, (n, 2) [m] with name and layer, in which those of a layer that meet end to end, two at a place, are one line.
 
     In which order and direction they are drawn does not count, nor that one is drawn twice, or over another's end. A line has the name of
     a piece at its end.
     """
-    found, layers = list[tuple[FloatArray, str, str]](), dict[str, list[tuple[FloatArray, str, str]]]()
+    found, layers = list[_Drawn](), dict[str, list[_Drawn]]()
     for edge in edges:
         closed = np.array_equal(edge[0][0], edge[0][-1])  # or a point
         (found if closed else layers.setdefault(edge[2], [])).append(edge)

@@ -317,7 +317,7 @@ def test_fences_behind_a_kerb_bound_nothing_and_are_told(tmp_path: Path, beginni
     found = find_road(drawing, RoadOptions(layer="ROAD")).line
     assert found is not None
     assert sorted(float(edge[0, 1]) for edge in found.raw.edges) == [-3.0, 3.0]
-    assert "2 edges behind others left out" in found.raw.notes[0]
+    assert "2 edges left out where behind others" in found.raw.notes[0]
 
 
 @pytest.mark.parametrize(
@@ -598,3 +598,16 @@ def test_a_recorded_track_is_smoothed_over_its_times_and_its_scatter_is_told(tmp
     backwards = track(path, np.array([[11.97, 57.7], [11.98, 57.7], [11.99, 57.7]]))
     times = np.array([0.0, 5.0, 3.0])
     assert smoothed_in_time(backwards.points, times, "f") == (backwards.points, ())
+
+
+@pytest.mark.parametrize("radius", [30.0, 10.0])  # behind the kerb, or further than what is looked at there
+def test_a_wall_through_a_kerb_is_a_wall_as_far_as_the_kerb(tmp_path: Path, radius: float) -> None:
+    """What of it lies behind the kerb made a NO by 20 m of a closed street that fits."""
+    line, left, right = (shapely.Point(0.0, 0.0).buffer(r, quad_segs=45).exterior for r in (40.0, 44.0, 36.0))
+    wall = shapely.LineString([(0.0, 37.0), (0.0, 32.0), (radius, 0.0), (radius, 5.0)])
+    drawing = write(tmp_path / "a.dxf", [line, left, right, wall], crs=None, Layer=["ROAD", *["KERB"] * 3])
+    found = find_road(drawing, RoadOptions(layer="ROAD")).line
+    assert found is not None
+    (stub,) = found.raw.regions  # the road is on both sides of it
+    np.testing.assert_allclose(stub.polygon.bounds, [0.0, 36.0, 0.0, 37.0], atol=0.01)  # its thickness
+    assert "1 edge left out where behind others" in found.raw.notes[0]

@@ -234,7 +234,7 @@ def test_layers_that_are_not_read_are_noted_with_the_role_that_would_read_them(t
     note = f'site.dxf: {listed}; {nearer}; --role "KERB_OLD=edge" or =obstacle or =sweepable reads one'
     assert load_road(file, ON_AXIS).notes == (note,)
     behind, note = load_road(file, RoadOptions(layer="AXIS", roles=("KERB_OLD=edge",))).notes
-    assert behind == "site.dxf: 1 edge behind others left out"
+    assert behind == "site.dxf: 1 edge left out where behind others"
     assert note.startswith("site.dxf: NOT READ: layer 'TREES' (1 entity); --role")
     many = {f"LAYER_{i}": beside(5.0 + i) for i in range(40)}
     (note,) = load_road(drawing(tmp_path / "many.dxf", "m", layers=many), ON_AXIS).notes
