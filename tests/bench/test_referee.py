@@ -32,6 +32,7 @@ from tests.bench.conftest import made_up
 from tests.fakes import Fake, Fault
 
 Measured = Callable[[Callable[[StageShape], QpWorkspace]], Tables]
+HIDDEN_S = 5e-3  # that a solver takes and does not tell
 PAUSE_S = 5e-3
 ROUNDS = 2  # a solver that remembers shows in the second
 
@@ -256,12 +257,17 @@ class HasNoIterations(Careless):
         return result._replace(iterations=None)  # type: ignore[arg-type]
 
 
+def busy() -> None:
+    end = time.process_time() + HIDDEN_S
+    while time.process_time() < end:  # who sleeps is not ranked
+        pass
+
+
 class SaysLessTime(Careless):
-    """Solves sixteen times, and calls most of it no part of the step."""
+    """Takes longer, and calls most of it no part of the step."""
 
     def after(self, qp: StageQp, result: QpResult) -> QpResult:
-        for _ in range(15):
-            self._honest.solve(qp, None)
+        busy()
         return result._replace(update_time=0.0, solve_time=-1.0, time_aside=1e-3)
 
 
@@ -294,10 +300,11 @@ class UnreadPoint(StageSolution):
 
 
 class SolvesWhenRead(Careless):
-    """Returns at once, and solves sixteen times when somebody reads the answer."""
+    """Returns at once, and solves when somebody reads the answer."""
 
     def found(self, qp: StageQp) -> StageSolution:
-        return [self._honest.solve(qp, None).point for _ in range(16)][-1]
+        busy()
+        return self._honest.solve(qp, None).point
 
     def answer(self, qp: StageQp) -> StageSolution:
         point = UnreadPoint(*vars(StageSolution.empty(qp.shape)).values())
@@ -416,11 +423,11 @@ def test_no_careless_or_dishonest_solver_is_ranked_and_its_row_says_why(
 
 
 @pytest.mark.parametrize("who", [SaysLessTime, SolvesWhenRead, SolvesWhenAnArrayIsRead])
-def test_a_solver_that_hides_its_time_is_told_by_the_clock(bench: Measured, who: type[Careless]) -> None:
-    honest, told = bench(Careless), bench(who)
+def test_a_solver_that_hides_its_time_is_told_by_the_clock(bench: Measured, who: type[Careless], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.bench.measuring.referee._WAITS", np.inf)  # on a busy machine all do
+    told = bench(who)
     assert ranked(told) == {"riccati", "piqp"}
-    once, often = (tables.timing.set_index("solver").loc["piqp", ["solve_ms"]].sum() for tables in (honest, told))
-    assert often > 4.0 * once  # it solves sixteen times; a quarter of that where caches and a busy machine have their say
+    assert told.timing.set_index("solver")["solve_ms"]["piqp"] >= 1e3 * HIDDEN_S  # the honest one takes some 0.1 ms
 
 
 def test_processor_time_is_that_of_the_processor_whatever_the_clock_says(bench: Measured) -> None:
