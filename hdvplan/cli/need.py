@@ -13,7 +13,7 @@ from hdvplan.cli.console import ExitCode, print_answer, print_line, progress, re
 from hdvplan.cli.help import OUTPUT, PLANNING, ROAD, SITE, VEHICLE
 from hdvplan.cli.options import WRITTEN, OptionsOf, Output, RoadOrNoneArgument, Room, VehiclesOption, check_folder, file_name, with_settings
 from hdvplan.cli.outcome import warn_of_sides
-from hdvplan.cli.turn import MORE_STARTS, answered
+from hdvplan.cli.turn import answered
 from hdvplan.errors import OptionError
 from hdvplan.planning.settings import SIDES, PlannerSettings
 from hdvplan.road.options import RoadOptions
@@ -163,7 +163,7 @@ def _of_template(name: str, vehicle: str, site: SiteOptions, output: Output) -> 
         msg = f"--{template.sought} is what is sought"
         raise OptionError(msg, hint=f"`hdvplan turn --template {template} --{template.sought} M` tells whether the vehicle fits in it")
     check_folder(output.out)
-    return answered(template, vehicle, site, output, starts=MORE_STARTS, called="need")
+    return answered(template, vehicle, site, output, called="need")
 
 
 def _given(held: str | None, room: Room) -> tuple[float, float] | None:

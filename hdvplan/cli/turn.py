@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import partial
 from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,7 +28,8 @@ _OWN, _STEADY = "vehicle", "steady"
 _GUIDE = "front-axle"
 _TURN = "Turn"  # options that describe it
 _STARTS = 4  # of every search for a manoeuvre that reverses
-MORE_STARTS = 9  # in ``need``, which says how far they are apart
+_MORE_STARTS = 9  # in ``need``, which says how far they are apart
+_NEAR = 1.1  # times as large as the given size is what nearly fits
 _OUTPUT = {
     "out": "Where to write [default: <template>.<vehicle>/].",
     "plot": "Draw the picture turn.png.",
@@ -109,7 +111,7 @@ def turn(
     reverses = template_named(described.template)
     if reverses is not None:
         described.refuse_more()
-        return answered(reverses, vehicle, site, output, starts=_STARTS, called="turn")
+        return answered(reverses, vehicle, site, output, called="turn")
     site.refuse_all()
     if output.drawn_on() is not None:
         msg = "--sheet is for the templates that reverse"
@@ -132,8 +134,11 @@ def turn(
     return ExitCode.BROKEN if broken else ExitCode.OK
 
 
-def answered(template: Template, vehicle: str, site: SiteOptions, output: Output, *, starts: int, called: str) -> ExitCode:
-    """Make a manoeuvre, write it into files ``called`` so, print it, and return the exit code; ``need`` tries all numbers of legs."""
+def answered(template: Template, vehicle: str, site: SiteOptions, output: Output, *, called: str) -> ExitCode:
+    """Make a manoeuvre, write it into files ``called`` so, print it, and return the exit code; ``need`` tries all numbers of legs.
+
+    What nearly fits by a few searches is sought by as many as ``need`` makes: the two would contradict each other.
+    """
     from hdvplan.report.manoeuvres import reversal_json, reversal_tables, write_reversal
     from hdvplan.turning.reversing.answer import reversing
     from hdvplan.turning.reversing.words import details, refusal, verdict
@@ -141,7 +146,10 @@ def answered(template: Template, vehicle: str, site: SiteOptions, output: Output
     kinds, sheet = output.kinds(TURN_DRAWINGS), output.drawn_on()
     driven = vehicle_named(vehicle, quiet=output.quiet)
     with progress(f"looking for a manoeuvre of {driven.name}", quiet=output.quiet) as on_progress:
-        answer = reversing(driven, template, site, starts=starts, all_legs=called == "need", on_progress=on_progress)
+        find = partial(reversing, driven, template, site, all_legs=called == "need", on_progress=on_progress)
+        answer = find(starts=_MORE_STARTS if called == "need" else _STARTS)
+        if answer.fits is False and answer.size < _NEAR * (answer.given or 0.0):
+            answer = find(starts=_MORE_STARTS)
     suffix = ".need" if called == "need" else ""
     directory = output.out or Path(f"{file_name(f'{template}.{driven.name}')}{suffix}")
     with writing(f"to {directory}"):

@@ -247,11 +247,20 @@ def test_what_does_not_fit_ends_in_1_and_says_what_does(cli: Cli, refuse_file: s
 
 
 @pytest.mark.slow
+def test_what_nearly_fits_is_sought_as_long_as_need_seeks(cli: Cli, refuse_file: str, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    """It was a NO by a few searches where `need` told a smaller site."""
+    monkeypatch.setattr("hdvplan.cli.turn._STARTS", 1)  # finds 13.87 m
+    outcome = cli("turn", "--vehicle", refuse_file, "--template", "three-point", "--width", "13", "--no-plot")
+    assert outcome.out.startswith(worded(YES, "the refuse turns round in 5 legs in 13.00 m"))
+
+
+@pytest.mark.slow
 def test_need_tells_the_least_size_in_5_cm_and_how_far_its_starts_are_apart(cli: Cli, tmp_path: Path, refuse_file: str) -> None:  # noqa: F811
     outcome = cli("need", "--template", "three-point", "--vehicle", refuse_file)
     assert outcome.code == 0
     assert all(line.startswith("looking for a manoeuvre of refuse: ") for line in outcome.err.splitlines())  # every ten seconds
     assert outcome.out.startswith(NEEDS)
+    assert outcome.out.splitlines()[0].endswith("in 3 legs; 13.00 m in 5")
     told = json.loads((tmp_path / "three-point.refuse.need" / "need.json").read_text(encoding="utf-8"))
     assert told["fits_with_m"] == pytest.approx(round(20.0 * told["fits_with_m"]) / 20.0)
     assert 0.0 <= told["fits_with_m"] - told["needed_m"] < 0.05 + 1e-6

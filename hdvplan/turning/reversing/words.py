@@ -17,7 +17,9 @@ def verdict(answer: Answer) -> str:
     """Return one line of at most ``LINE`` characters: whether the manoeuvre fits, or what room it needs."""
     chosen, size = answer.chosen, f"{answer.size:.2f} m of {answer.template.words}"
     if answer.given is None:
-        return _with_name(worded(NEEDS, f"{size}: {{}} {_does(answer)} in {_legs(chosen)}"), answer.vehicle)
+        least = min(answer.tried, key=lambda one: one.manoeuvre.rounded)
+        less = f"; {least.manoeuvre.rounded:.2f} m in {least.legs}" if least.manoeuvre.rounded < chosen.manoeuvre.rounded else ""
+        return _with_name(worded(NEEDS, f"{size}: {{}} {_does(answer)} in {_legs(chosen)}{less}"), answer.vehicle)
     if answer.fits:
         spare = room_text(answer.given - chosen.manoeuvre.size, fits=True).replace(" to spare", " of it to spare")
         return _with_name(worded(YES, f"{{}} {_does(answer)} in {_legs(chosen)} in {size}, {spare}"), answer.vehicle)
