@@ -103,7 +103,7 @@ def read_opendrive(path: Path, *, road_ids: str | Sequence[str] | None, lane: in
 
     """
     name = path.name
-    roads, projection = read_roads(path)
+    roads, projection, notes = read_roads(path)
     stops = _stops(roads, road_ids, name)
     pieces = _pieces(roads, reference=lane == 0)
     with np.errstate(all="ignore"):  # what is not finite is refused
@@ -120,7 +120,8 @@ def read_opendrive(path: Path, *, road_ids: str | Sequence[str] | None, lane: in
     middle = points[0]
     entered = [piece for before, piece in zip([None, *route], route, strict=False) if before is None or before.road is not piece.road]
     driven = ", ".join(f"{'' if piece.forward else '-'}{piece.road.number} lane {piece.lane}" for piece in entered)
-    raw = RawRoad(middle, sides=points[1:], rounded=rounded(middle, heading, curvature), notes=(f"{name}: over roads {driven}",))
+    notes = (f"{name}: over roads {driven}", *notes)
+    raw = RawRoad(middle, sides=points[1:], rounded=rounded(middle, heading, curvature), notes=notes)
     if projection is None or any(words in projection for words in _NOWHERE):
         return raw
     return replace(raw, to_lonlat=placed(middle, projection.strip()).to_lonlat)

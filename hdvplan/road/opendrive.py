@@ -6,7 +6,7 @@ lanes have positive numbers on its left, negative ones on its right, counted fro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -159,8 +159,10 @@ class OdrRoad:
         return inner, inner + sign * section.lanes[lane].width.at(s - section.start)
 
 
-def read_roads(path: Path) -> tuple[dict[str, OdrRoad], str | None]:
-    """Return the roads of an OpenDRIVE file by their id, and the projection that its coordinates are in, if it says so.
+def read_roads(path: Path) -> tuple[dict[str, OdrRoad], str | None, tuple[str, ...]]:
+    """Return the roads of an OpenDRIVE file by their id, the projection that their coordinates are in, if it says so, and notes on these.
+
+    Where the header has an offset, roads are turned by its heading, then moved by it, into that projection (ASAM OpenDRIVE 1.8, 8.5).
 
     Raises:
         RoadError: the file is no OpenDRIVE, is cut off, or has a road that cannot be used; says which.
@@ -187,7 +189,25 @@ def read_roads(path: Path) -> tuple[dict[str, OdrRoad], str | None]:
     if not roads:
         msg = f"{path.name} has no roads"
         raise RoadError(msg)
-    return roads, root.findtext("header/geoReference")
+    projection, offset = root.findtext("header/geoReference"), root.find("header/offset")
+    if projection is None or offset is None:
+        return roads, projection, ()
+    try:
+        x, y, turn = (_number(offset, name, 0.0) for name in ("x", "y", "hdg"))
+    except ValueError as error:
+        msg = f"{path.name}: {error}"
+        raise RoadError(msg) from error
+    if x == y == turn == 0.0:
+        return roads, projection, ()
+    moved = {number: replace(road, geometries=tuple(_moved(one, x, y, turn) for one in road.geometries)) for number, road in roads.items()}
+    how = f" and turned by {np.degrees(turn):.4f} degrees" * (turn != 0.0)
+    return moved, projection, (f"{path.name}: coordinates are moved by the header's offset x {x:.1f}, y {y:.1f} m{how}",)
+
+
+def _moved(geometry: Geometry, x: float, y: float, turn: float) -> Geometry:
+    cos, sin = np.cos(turn), np.sin(turn)
+    place = {"x": x + cos * geometry.x - sin * geometry.y, "y": y + sin * geometry.x + cos * geometry.y}
+    return replace(geometry, **place, heading=geometry.heading + turn)
 
 
 def _number(element: ET.Element, name: str, default: float | None = None) -> float:

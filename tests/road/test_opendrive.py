@@ -172,6 +172,23 @@ def test_a_map_that_is_placed_has_longitude_and_latitude_and_one_that_is_not_has
         assert (load_road(file).to_lonlat is not None) is placed
 
 
+def test_the_header_s_offset_places_a_map_and_is_told(tmp_path: Path) -> None:
+    """The map lay elsewhere on the globe, without a word."""
+    projection, quarter = "<geoReference>+proj=utm +zone=32 +datum=WGS84</geoReference>", 0.5 * np.pi
+    there = load_road(written(tmp_path, straight("7", 500000.0, y=5e6), header=projection))
+    offset = f'{projection}<offset x="499000" y="4998000" z="7" hdg="{quarter}"/>'
+    moved = load_road(written(tmp_path, straight("7", 2000.0, y=-1000.0), header=offset))  # turned: x 1000, y 2000, to the north
+    assert there.to_lonlat is not None
+    assert moved.to_lonlat is not None
+    np.testing.assert_allclose(moved.path.at(np.zeros(1)).heading, there.path.at(np.zeros(1)).heading + quarter)
+    starts = [road.path.to_plane(np.zeros(1), np.array([aside])) for road, aside in ((there, 1.5), (moved, 1.5))]  # of the reference lines
+    np.testing.assert_allclose(np.ravel(starts[1]), np.ravel(starts[0]), atol=1e-6)
+    np.testing.assert_allclose(moved.to_lonlat(*starts[1]), there.to_lonlat(*starts[0]), atol=1e-9)
+    assert "coordinates are moved by the header's offset x 499000.0, y 4998000.0 m and turned by 90.0000 degrees" in moved.notes[1]
+    with pytest.raises(RoadError, match="x of <offset> is 'far', not a number"):
+        load_road(written(tmp_path, straight("7", 0.0), header=f'{projection}<offset x="far"/>'))
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
