@@ -57,8 +57,9 @@ def base(against: str, scratch: Scratch) -> Program:
     return base_program(base_named(against, here), here, scratch, environment.cache_folder(scratch), lambda _: None)
 
 
-def new(scratch: Scratch) -> Program:
-    return new_program(checkout(), scratch, environment.cache_folder(scratch), lambda _: None, Path("gate"))
+def new(scratch: Scratch, against: str = "HEAD") -> Program:
+    here = checkout()
+    return new_program(base_named(against, here), here, scratch, environment.cache_folder(scratch), lambda _: None, Path("gate"))
 
 
 def version_of(program: Program) -> str:
@@ -371,6 +372,7 @@ def test_a_project_below_the_top_of_its_repository_is_installed_at_both_revision
     assert [source.name for source in installed] == ["planner", "planner"]
     assert sys.executable not in {str(program.python) for program in programs}  # which would be the same program twice
     assert [program.folder is not None and program.folder.name for program in programs] == ["planner", "planner"]
+    assert new(scratch, sys.executable).name == "the running hdvplan"  # it was the project's own: a slower one was never measured
 
 
 def test_a_working_tree_is_copied_with_links_as_links_and_without_results(ours: Path, tmp_path: Path) -> None:

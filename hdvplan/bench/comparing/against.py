@@ -244,7 +244,7 @@ def guard(against: str, work: Suite | CommandWork, settings: Settings, out: Path
                 (out / "suite.toml").write_bytes(encoded(suite_text(suite_entries(placed(work), work.to_dict()))))
             return _compared(
                 lambda: base_program(named, here, scratch, cache, listener.step),
-                lambda: new_program(here, scratch, cache, listener.step, out),
+                lambda: new_program(named, here, scratch, cache, listener.step, out),
                 work, settings, out.absolute(), scratch, listener,
             )  # fmt: skip
 

@@ -135,9 +135,10 @@ def base_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Pat
     return program
 
 
-def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: Callable[[str], None], out: Path) -> Program:
+def new_program(base: Base, here: Checkout | None, scratch: Scratch, cache: Path, on_step: Callable[[str], None], out: Path) -> Program:
     """Make the other side ready: the working tree with all that is changed in it; outside of a checkout the hdvplan that is running.
 
+    So it is in another project beside an interpreter as ``base``: who names that compares it with the one that was started.
     The working tree of another project is installed into an environment that is kept for its requirements, without the results in the
     folder ``out``.
 
@@ -145,7 +146,7 @@ def new_program(here: Checkout | None, scratch: Scratch, cache: Path, on_step: C
         ProgramError: it cannot be installed, or its core cannot be compiled.
 
     """
-    if here is None:
+    if here is None or (base.python is not None and not here.is_ours):
         return Program("the running hdvplan", source=PACKAGE.parent)
     if here.is_ours:
         program = Program("the working tree", source=here.top)
