@@ -43,7 +43,7 @@ BUSES = {
     "rear-steered-bus": "12",
 }
 FIGURES = (
-    Figure(README, "of {}, {} are reproduced, {} explained, {} open", tables.published),
+    Figure(README, "of {}, {} are reproduced, {} fitted, {} explained, {} open", tables.published),
     Figure(README, "U-turn at {} / {} m (published {} / {}), the roundabout at {} / {} m ({} / {})", tables.uturn_and_roundabout),
     Figure(
         README,

@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import metadata
@@ -22,6 +22,7 @@ from hdvplan.version import __version__
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS")
 _PACKAGES = ("numpy", "scipy", "pandas", "piqp", "clarabel", "osqp", "qpsolvers", "casadi")
 _PACKAGE = Path(__file__).parent
+_OTHERS = 0.5  # processes that wanted to run beside a measurement, as a share of the cores
 BEHAVIOUR = _PACKAGE / "behaviour.toml"
 
 
@@ -58,6 +59,20 @@ def machine_words(facts: Mapping[str, object]) -> str:
 def load_average() -> list[float] | None:
     """Return the number of processes that wanted to run, over 1, 5 and 15 minutes; None where the system does not say."""
     return list(os.getloadavg()) if hasattr(os, "getloadavg") else None
+
+
+def others_words(before: float | None, after: float | None, cores: int | None) -> list[str]:
+    """Return what the load averages before a measurement and at its end say of others that ran beside it; nothing where few did."""
+    if cores is None:
+        return []
+    found = [f"load {before:.1f} at the start"] if before is not None and before > _OTHERS * cores else []
+    return found + ([f"load {after:.1f} at the end"] if after is not None and after - 1.0 > _OTHERS * cores else [])
+
+
+def busy_warning(reasons: Sequence[str], cores: int | None) -> str:
+    """Return the warning beside times that were measured on a busy machine; empty without ``reasons``."""
+    on = "" if cores is None else f" on {cores} cores"
+    return f"BUSY MACHINE: {', '.join(reasons)}{on}; measure again on a quiet one before you quote a time" if reasons else ""
 
 
 @cache

@@ -41,7 +41,7 @@ def bus_uturn(on_progress: Progress) -> Study:
     on_progress(0.2)
     expected = proposed.expected.half_width
     rows = [
-        Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, previous.balance.max_right, _LIMITED),
+        Row("previous method, max right", "m", published.UTURN_PREVIOUS_RIGHT, previous.balance.max_right, _LIMITED, fitted=True),
         Row("previous method, max left", "m", published.UTURN_PREVIOUS_LEFT, previous.balance.max_left),
         Row("proposed method, max right", "m", published.UTURN_PROPOSED_RIGHT, proposed.balance.max_right),
         Row("proposed method, max left", "m", published.UTURN_PROPOSED_LEFT, proposed.balance.max_left),

@@ -70,9 +70,9 @@ def _rows(planned: Result, believed: Result, curves: dict[str, FloatArray]) -> t
         Row("max right", "m", published.ROUNDABOUT_RIGHT, planned.balance.max_right, _SAMPLED),
         Row("max left as an Euler plan predicts it", "m", published.ROUNDABOUT_LEFT, believed.balance.max_left, counted=False),
         Row("max right as an Euler plan predicts it", "m", published.ROUNDABOUT_RIGHT, believed.balance.max_right, _SAMPLED, counted=False),
-        Row("expected half width", "m", published.ROUNDABOUT_EXPECTED, float(planned.expected.half_width.max()), _FITTED),
-        Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle]), _FITTED),
-        Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2]), _FITTED),
+        Row("expected half width", "m", published.ROUNDABOUT_EXPECTED, float(planned.expected.half_width.max()), _FITTED, fitted=True),
+        Row("tractor curvature, constant part", "1/m", published.ROUNDABOUT_KAPPA, float(drive.kappa[middle]), _FITTED, fitted=True),
+        Row("articulation, constant part", "rad", published.ROUNDABOUT_BETA, float(drive.z[middle, 2]), _FITTED, fitted=True),
     ]
     for name, words, unit in (("kappa", "curvature", "1/m"), ("beta", "articulation", "rad")):
         s, off = found[name]

@@ -142,7 +142,7 @@ def _tail_swing() -> list[Row]:
         rigid = Vehicle("rigid", (Unit(wheelbase, 1.2, overhang, 2.5),), max_curvature=0.2)
         swing = turn(rigid, template).figures.tail_swing[0]
         words = f"PBS tail swing, overhang {overhang:g} m"
-        rows.append(Row(words, "m", published.TAIL_SWING[overhang], swing, f"{_WHEELBASE} {wheelbase:g} m"))
+        rows.append(Row(words, "m", published.TAIL_SWING[overhang], swing, f"{_WHEELBASE} {wheelbase:g} m", fitted=True))
     return rows
 
 

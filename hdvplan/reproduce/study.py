@@ -27,7 +27,7 @@ from hdvplan.road.road import Road
 REFERENCE_STEP_M = 0.5  # [GEO]'s
 Progress = Callable[[float], None]
 WORDS = ("study", "quantity", "unit", "status", "remark")  # the columns of tables that hold no numbers
-STATUSES = ("reproduced", "explained", "open")
+STATUSES = ("reproduced", "fitted", "explained", "open")
 NOT_EXPLAINED = "not explained"  # in a remark
 
 
@@ -36,7 +36,8 @@ class Row:
     """A quantity as published and as found here; ``published`` is None where the papers give no number.
 
     ``remark`` says why the two differ by more than the published number can be read, or that it is not explained.
-    ``counted`` is not for what tells more of a number that has a row of its own, or compares curves.
+    ``counted`` is not for what tells more of a number that has a row of its own, or compares curves. ``fitted``: what is chosen here, by
+    the published number or as a limit, makes them agree.
     """
 
     quantity: str
@@ -45,6 +46,7 @@ class Row:
     ours: float
     remark: str = ""
     counted: bool = True
+    fitted: bool = False
 
     @property
     def differs(self) -> bool:
@@ -57,7 +59,7 @@ class Row:
         if self.published is None or not self.counted:
             return ""
         if not self.differs:
-            return "reproduced"
+            return "fitted" if self.fitted else "reproduced"
         return "open" if NOT_EXPLAINED in self.remark or not self.remark else "explained"
 
 

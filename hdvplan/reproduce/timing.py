@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from hdvplan.api import drive_case
 from hdvplan.case import Case
 from hdvplan.centring.stationary import CentringTable
-from hdvplan.machine import machine_facts
+from hdvplan.machine import busy_warning, load_average, machine_facts, others_words, usable_cores
 from hdvplan.planning.settings import PlannerSettings, Scheme
 from hdvplan.report.style import plain_decades, styled
 from hdvplan.reproduce import drawing, published
@@ -48,14 +48,15 @@ def timing(on_progress: Progress, roads: tuple[str, ...] = ROADS) -> Study:
         Case(limited(road, vehicles[name]), vehicles[name], solver=solver, settings=PlannerSettings(scheme=scheme))
         for name, scheme, solver, road in product(VEHICLES, Scheme, SOLVERS, tracks)
     ]
-    samples, driven = [], 0.0
+    samples, driven, before = [], 0.0, _load()
     for case in cases:
         names = {"road": case.road.name, "vehicle": case.vehicle.name, "scheme": str(case.settings.scheme), "solver": case.solver_name}
         samples.append(timed_steps(case).assign(**names))
         driven += case.road.path.length
         on_progress(driven / sum(case.road.path.length for case in cases))
     data = pd.concat(samples, ignore_index=True)
-    length, facts = sum(road.path.length for road in tracks), machine_facts()
+    length, facts, cores = sum(road.path.length for road in tracks), machine_facts(), usable_cores()
+    busy = busy_warning(others_words(before, _load(), cores), cores)
     return Study(
         "timing",
         "Computation times on real roads",
@@ -63,12 +64,18 @@ def timing(on_progress: Progress, roads: tuple[str, ...] = ROADS) -> Study:
         f"{len(roads)} roads from OpenStreetMap, {length / 1000.0:.1f} km; horizon 100 m, step 0.5 m, replanning every 5 m, limits at "
         "+-4.5 m or 0.5 m beyond the balanced circle where that is more. "
         "Whole planning steps, without each drive's first, the faster of two drives. "
-        f"Here: {facts['processor']}, {facts['python']}; published: laptop with an i7-6820HQ, MATLAB and OSQP.",
+        f"Here: {facts['processor']}, {facts['python']}; published: laptop with an i7-6820HQ, MATLAB and OSQP."
+        + (f" **{busy}.**" if busy else ""),
         tuple(cases),
         _rows(data),
         data,
         partial(_figure, data),
     )
+
+
+def _load() -> float | None:
+    averages = load_average()
+    return None if averages is None else averages[0]
 
 
 def limited(road: Road, vehicle: Vehicle) -> Road:

@@ -1,5 +1,6 @@
 """Tables, figures and files of studies, on small ones and made-up ones."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,10 @@ def test_a_row_differs_beyond_reading_error_only() -> None:
 def test_numbers_are_reproduced_explained_or_open_and_counted() -> None:
     study = made_up("one", *ROWS)
     assert [row.status for row in ROWS] == ["reproduced", "explained", "", "open", "open"]
-    assert counted(study.table()) == "1 reproduced, 1 explained, 2 open of 4 published numbers"
+    fitted = replace(ROWS[0], fitted=True)
+    assert fitted.status == "fitted"  # it counted as reproduced
+    assert replace(fitted, ours=2.5).status == "open"
+    assert counted(study.table()) == "1 reproduced, 0 fitted, 1 explained, 2 open of 4 published numbers"
 
 
 def test_one_value_of_what_is_not_published_is_fitted_to_all_rows_and_explains_what_it_meets() -> None:
@@ -95,7 +99,7 @@ def test_a_study_that_joins_others_in_a_folder_renews_their_summary(tmp_path: Pa
         write_study(made_up(name, *ROWS), tmp_path)
     write_summary(tmp_path)
     told = (tmp_path / "summary.md").read_text(encoding="utf-8")
-    assert "2 reproduced, 2 explained, 4 open of 8 published numbers." in told
+    assert "2 reproduced, 0 fitted, 2 explained, 4 open of 8 published numbers." in told
     rows = pd.read_csv(tmp_path / "summary.csv", keep_default_na=False)
     assert rows["study"].tolist() == ["bus-uturn"] * 4 + ["overhang"] * 4
     assert rows["remark"].tolist()[:2] == ["", "another road"]
@@ -103,6 +107,12 @@ def test_a_study_that_joins_others_in_a_folder_renews_their_summary(tmp_path: Pa
 
 def pipes(study: Study) -> set[int]:
     return {line.count("|") for line in markdown(study).splitlines() if line.startswith("|")}
+
+
+@pytest.mark.slow
+def test_times_of_a_busy_machine_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hdvplan.reproduce.timing.load_average", lambda: [9.0, 1.0, 1.0])
+    assert "**BUSY MACHINE: load 9.0 at the start, load 9.0 at the end on" in markdown(timing(silent, ("goteborg_lindholmsallen_uturn",)))
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ import pandas as pd
 from hdvplan.bench.measuring.referee import TUNED
 from hdvplan.bench.suite import AS_SET, GROUP, KEY
 from hdvplan.judging.balance import KEPT_M
+from hdvplan.machine import busy_warning, others_words
 
 SHIFT_MS = 0.1  # of the geometric mean: steps far shorter than this do not decide it
 
@@ -89,7 +90,6 @@ LEVEL = 1.05  # solvers within 5 % are level: the same program differs by 1 to 1
 BUSY_LEVEL = 1.2  # on a busy machine, where two rounds may both be disturbed
 _SAME_PATH_M = 1e-3
 _STRETCHED = 1.1  # times as long by the clock as by the processor: something else had the core
-_OTHERS = 0.5  # processes that wanted to run beside the benchmark, as a share of the cores
 _WINDOWS_S = (60.0, 300.0, 900.0)  # of load averages
 _OUTLASTS_S = 300.0  # a session as long as this is not judged by the minute before it
 
@@ -142,16 +142,10 @@ def load_of(summary: pd.DataFrame, sessions: Sequence[Mapping[str, object]], at_
     after = max(map(float, at_end[: len(spans)])) if isinstance(at_end, list) else None
     count = cores if isinstance(cores, int) else None
     stretched = float(summary["wall_per_cpu"].median()) if len(summary) and summary["wall_per_cpu"].notna().any() else None
-    reasons = []
-    if count is not None and before is not None and before > _OTHERS * count:
-        reasons.append(f"load {before:.1f} at the start")
-    if count is not None and after is not None and after - 1.0 > _OTHERS * count:
-        reasons.append(f"load {after:.1f} at the end")
+    reasons = others_words(before, after, count)
     if stretched is not None and stretched > _STRETCHED:
         reasons.append(f"steps took {stretched:.2f} times as long by the clock as by the processor")
-    on = "" if count is None else f" on {count} cores"
-    warning = f"BUSY MACHINE: {', '.join(reasons)}{on}; measure again on a quiet one before you quote a time" if reasons else ""
-    return Load(before, after, count, stretched, warning)
+    return Load(before, after, count, stretched, busy_warning(reasons, count))
 
 
 def _lasted(sessions: Sequence[Mapping[str, object]], finished: str) -> list[float]:
