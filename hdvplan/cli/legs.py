@@ -84,7 +84,7 @@ def _print_legs(summary: dict[str, Any], directory: Path) -> None:
     for leg in summary["legs"]:
         verdict = leg["verdict"]
         word = verdict["word"] if leg["jackknife"] is None else NO
-        spare = "-" if verdict["spare_m"] is None else f"{room_number(verdict['spare_m'], fits=word != NO):.3f}"
+        spare = "-" if verdict["spare_m"] is None else f"{room_number(verdict['spare_m'], fits=word != NO):.2f}"
         ends = ", ".join(f"{round(angle, 1) + 0.0:+.1f}" for angle in leg["articulation_end_deg"]) or "-"
         place = (f"{verdict['s_m']:z.1f}", f"{verdict['part']} of the {verdict['unit']}")
         moved = "-" if leg["smoothing"] is None else f"{leg['smoothing']['max_deviation_m']:.2f}"

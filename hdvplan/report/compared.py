@@ -34,10 +34,10 @@ from hdvplan.road.regions import called
 
 _ROAD = (Layer.ROAD, Layer.OBSTACLES, Layer.SWEEPABLE, Layer.LIMITS)
 _NUMBERS = {
-    "spare_m": ("to spare [m]", 3),
-    "kept_m": ("kept [m]", 3),
-    "clearance_m": ("asked [m]", 3),
-    "half_width_m": ("half width [m]", 3),
+    "spare_m": ("to spare [m]", 2),
+    "kept_m": ("kept [m]", 2),
+    "clearance_m": ("asked [m]", 2),
+    "half_width_m": ("half width [m]", 2),
     "s_m": ("at s [m]", 1),
 }
 _MAPS = 2  # of the places that are tightest for the vehicle with the least room

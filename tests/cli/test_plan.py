@@ -268,15 +268,15 @@ def test_a_comparison_tells_proofs_and_places_at_the_road_s_start() -> None:
     answers = {"answer": [NO, NO], "proved": [False, True]}
     shown = answer_texts(pd.DataFrame({"vehicle": ["bus", "car"], **answers, "decides": ["", ""], **numbers}))
     assert [*shown] == ["vehicle", "answer", "to spare [m]", "at s [m]", "what decides"]
-    assert [*shown["to spare [m]"]] == ["0.000", "-"]
+    assert [*shown["to spare [m]"]] == ["0.00", "-"]
     assert [*shown["answer"]] == ["NO", "NO, proved"]
     least = {"spare_m": [-0.001, np.nan], "clearance_m": [0.0, 0.0], "answer": [YES, YES]}
     yes = answer_texts(pd.DataFrame({"vehicle": ["bus", "car"], **numbers, **answers, **least, "decides": ["", ""]}))
-    assert [*yes["to spare [m]"]] == ["0.000", "-"]  # it said YES, and -0.001
+    assert [*yes["to spare [m]"]] == ["0.00", "-"]  # it said YES, and -0.001
     numbers |= {"spare_m": [-0.01, np.nan], "clearance_m": [0.388, 0.388]}  # as --clearance max keeps it, to 1 cm
     shown = answer_texts(pd.DataFrame({"vehicle": ["bus", "car"], **answers, "decides": ["", ""], **numbers}))
-    assert [*shown["kept [m]"]] == ["0.378", "-"]
-    assert [*shown["asked [m]"]] == ["0.388", "0.388"]
+    assert [*shown["kept [m]"]] == ["0.38", "-"]
+    assert [*shown["asked [m]"]] == ["0.39", "0.39"]
     assert "to spare [m]" not in shown
 
 
