@@ -33,7 +33,7 @@ def legs_sheet_bytes(driven: LegsResult, options: SheetOptions) -> bytes:
     each = ", ".join(f"{leg.direction} {length:.1f} m" for leg, length in zip(driven.legs.legs, lengths, strict=True))
     rows = rows_of(driven.results, driven.legs.name, page, options)
     worst = driven.results[driven.worst]  # the leg that decides
-    rooms = places_of(worst, replace(page, s_to=worst.drive.road.path.length), 1) if driven.fits is not None else []
+    rooms = places_of(worst, replace(page, s_to=worst.drive.road.path.length), map_mm(options), 1) if driven.fits is not None else []
     tightest, places = next((room for _, room in rooms), None), list[Callable[[Axes, Size], None]]()
     if tightest is not None:
         place = (f"{_LETTER}: {driven.called(driven.worst)}", tightest)

@@ -12,7 +12,7 @@ import shapely
 from hdvplan.arrays import FloatArray
 from hdvplan.errors import OptionError
 from hdvplan.judging.result import Result
-from hdvplan.report.rooms import shown_reach, tightest_windows
+from hdvplan.report.rooms import room_at, shown_reach, tightest_windows, tightness
 from hdvplan.road.path import ReferencePath
 from hdvplan.vehicle.model import Vehicle
 
@@ -171,16 +171,21 @@ def pages_of(result: Result, field_mm: tuple[float, float], scale: int | None) -
     path, s, what = result.drive.road.path, result.envelope.s, f"the {result.drive.vehicle.name}"
     kept = np.append(np.arange(0, len(s), max(1, round(_SPACING_M / float(s[1] - s[0])))), len(s) - 1)
     edges = [np.column_stack(path.to_plane(s[kept], side[kept])) for side in shown_reach(result)]
+    room, s = room_at(result, int(np.argmax(tightness(result)))), s[kept]
+    if not 0.0 <= room.s <= path.length and room.near:  # a map shows what decides, before the road or behind it, too
+        s, edges = np.append(s, room.s), [np.concatenate([edge, end[None]]) for edge, end in zip(edges, room.ends, strict=True)]
+    first, last = float(np.min(s)), float(np.max(s))
 
     def laid(begin: float, end: float, scale: int) -> Page | None:
-        shown = (s[kept] >= begin - _SPACING_M) & (s[kept] <= end + _SPACING_M)
-        return _laid(np.concatenate([edge[shown] for edge in edges]), Page(begin, end, 0.0, (0.0, 0.0), scale), field_mm)
+        shown = (s >= begin - _SPACING_M) & (s <= end + _SPACING_M)
+        s_from, s_to = (min(max(at, 0.0), path.length) for at in (begin, end))
+        return _laid(np.concatenate([edge[shown] for edge in edges]), Page(s_from, s_to, 0.0, (0.0, 0.0), scale), field_mm)
 
     for round_scale in (scale,) if scale is not None else [s for s in SCALES if s <= _SMALLEST_WHOLE]:
-        whole = laid(0.0, path.length, round_scale)
+        whole = laid(first, last, round_scale)
         if whole is not None:
             return (replace(whole, caption="whole road"),)
-    pages, of_all = _parts(laid, path.length, scale or _SMALLEST_WHOLE, what), ""
+    pages, of_all = _parts(laid, (first, last), scale or _SMALLEST_WHOLE, what), ""
     if pages is None:
         pages = [_largest(laid, window.s_from, window.s_to, scale, what) for window in tightest_windows(result)]
         of_all = f" of {path.length:.0f} m; only the tightest stretches are drawn"
@@ -216,13 +221,13 @@ def _refusal(scale: int, what: str) -> OptionError:
     )
 
 
-def _parts(laid: Laid, length: float, scale: int, what: str) -> list[Page] | None:
-    pages, begin = list[Page](), 0.0
+def _parts(laid: Laid, stretch: tuple[float, float], scale: int, what: str) -> list[Page] | None:
+    pages, (begin, end) = list[Page](), stretch
     while len(pages) < _MOST_SHEETS:
-        last = laid(begin, length, scale)
+        last = laid(begin, end, scale)
         if last is not None:
             return [*pages, last]
-        fits, fails = min(begin + 2.0 * _OVERLAP_M, length), length
+        fits, fails = min(begin + 2.0 * _OVERLAP_M, end), end
         page = laid(begin, fits, scale)
         if page is None:
             raise _refusal(scale, what)

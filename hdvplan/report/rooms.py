@@ -51,6 +51,11 @@ class Room:
         return self.limited and self.depth > KEPT_M
 
     @property
+    def near(self) -> bool:
+        """Whether it is so little that it may be called tight."""
+        return self.depth >= -_FAR_M
+
+    @property
     def beyond(self) -> FloatArray:
         """The end that lies further out, (2,) [m]."""
         out: FloatArray = max(self.ends, key=lambda end: float(end @ self.outwards))

@@ -82,7 +82,7 @@ def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None 
     around, shown = drive.vehicle.reach_ahead + drive.vehicle.reach_behind, list[float]()  # a place is enlarged on one sheet
 
     def sheet(page: Page) -> Sheet:
-        places = places_of(result, page, places_on(options), shown)
+        places = places_of(result, page, map_mm(options), places_on(options), shown)
         shown.extend(room.s for _, room in places)
         tubes = tubes_of(result, [(room.s - around, room.s + around) for _, room in places])
         rows = rows_of([result], f"{drive.road.name}, {drive.road.path.length:.1f} m", page, options)

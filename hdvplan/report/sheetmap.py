@@ -16,7 +16,7 @@ from hdvplan.judging.result import Result, body_name
 from hdvplan.report import BAND, BREACH, INK, MUTED
 from hdvplan.report.layers import Drawn, outline_places
 from hdvplan.report.maps import draw_bodies, draw_direction, draw_features, draw_letter, draw_north, draw_room, draw_tube
-from hdvplan.report.paper import BAND_MM, MM_PT, Page
+from hdvplan.report.paper import BAND_MM, MM_PT, Page, Size
 from hdvplan.report.rooms import Room, nearly, peaks, pose_touching, room_at, shown_reach, tightness
 from hdvplan.report.style import ON_WHITE
 from hdvplan.road.path import ReferencePath
@@ -40,8 +40,8 @@ _LEVEL = 1e-3  # turn of a sheet with north up [rad]
 _SMALL, _TINY = 7.0, 6.0  # of type [pt]
 
 
-def places_of(result: Result, page: Page, most: int, shown: Sequence[float] = ()) -> list[tuple[str, Room]]:
-    """Return the tightest places of a sheet, and others nearly as tight, lettered in road order.
+def places_of(result: Result, page: Page, size_mm: Size, most: int, shown: Sequence[float] = ()) -> list[tuple[str, Room]]:
+    """Return the tightest places on a sheet's map, of ``size_mm``, and others nearly as tight, lettered in road order.
 
     Near those ``shown`` at s [m] only tighter ones count.
     """
@@ -49,12 +49,19 @@ def places_of(result: Result, page: Page, most: int, shown: Sequence[float] = ()
     inside = np.where((s >= page.s_from) & (s <= page.s_to), score, -np.inf)
     for at in shown:
         inside[(np.abs(s - at) < _PLACES_APART_M) & (score <= np.interp(at, s, score))] = -np.inf
-    found = sorted(peaks(s, nearly(inside), _PLACES_APART_M, most))
-    return [(chr(ord("A") + number), room_at(result, at)) for number, at in enumerate(found)]
+    for at in (0, len(s) - 1):  # what lies before and after the road counts there
+        inside[at] = inside[at] if _on_map(room_at(result, at), page, size_mm) else -np.inf
+    rooms = (room_at(result, at) for at in sorted(peaks(s, nearly(inside), _PLACES_APART_M, most)))
+    return [(chr(ord("A") + number), room) for number, room in enumerate(room for room in rooms if _on_map(room, page, size_mm))]
+
+
+def _on_map(room: Room, page: Page, size_mm: Size) -> bool:
+    off = np.abs(page.turned(room.beyond[None])[0] - page.middle)
+    return bool(np.all(off < 0.5 * np.array(size_mm) * page.scale / 1e3))
 
 
 def draw_field(
-    axes: Axes, result: Result, features: tuple[Drawn, ...], page: Page, size_mm: tuple[float, float], places: list[tuple[str, Room]],
+    axes: Axes, result: Result, features: tuple[Drawn, ...], page: Page, size_mm: Size, places: list[tuple[str, Room]],
     *, tubes: bool,
 ) -> None:  # fmt: skip
     """Draw a sheet's stretch of road, filling the axes, of ``size_mm``, exactly to scale; ``tubes``: enlarged places have bands."""
@@ -108,7 +115,7 @@ def draw_key(axes: Axes, path: ReferencePath, page: Page) -> None:
     axes.text(0.5, 0.97, "key plan", transform=axes.transAxes, ha="center", va="top", fontsize=_TINY, color=MUTED, bbox=ON_WHITE, zorder=9)
 
 
-def draw_marks(axes: Axes, page: Page, size_mm: tuple[float, float], *, north: bool) -> None:
+def draw_marks(axes: Axes, page: Page, size_mm: Size, *, north: bool) -> None:
     """Draw the scale bar and, on maps with a place on earth, a north arrow, in a strip of their own."""
     mm, (left, right), low = page.scale / 1e3, axes.get_xlim(), axes.get_ylim()[0]
     axes.add_patch(Rectangle((left, low), right - left, BAND_MM * mm, facecolor="white", edgecolor=INK, linewidth=0.5, zorder=8.5))
@@ -121,7 +128,7 @@ def draw_marks(axes: Axes, page: Page, size_mm: tuple[float, float], *, north: b
 
 
 def draw_inset(
-    axes: Axes, size_mm: tuple[float, float], result: Result, features: tuple[Drawn, ...], page: Page, place: tuple[str, Room],
+    axes: Axes, size_mm: Size, result: Result, features: tuple[Drawn, ...], page: Page, place: tuple[str, Room],
     tube: BaseGeometry | None = None,
 ) -> None:  # fmt: skip
     """Draw the surroundings of a tight place, larger, with the vehicle where it is tightest and the clearance as a dimension.
@@ -161,13 +168,13 @@ def head_inset(axes: Axes, text: str) -> None:
     axes.add_patch(Rectangle((0.0, 0.0), 1.0, 1.0, transform=axes.transAxes, fill=False, edgecolor=INK, linewidth=0.5))
 
 
-def look_at_page(axes: Axes, page: Page, size_mm: tuple[float, float]) -> shapely.Polygon:
+def look_at_page(axes: Axes, page: Page, size_mm: Size) -> shapely.Polygon:
     """Let the axes show a page above the band of its scale bar, and return what they show."""
     middle = np.array([page.middle[0], page.middle[1] - 0.5 * BAND_MM * page.scale / 1e3])
     return look_at(axes, middle, size_mm, page.scale)
 
 
-def look_at(axes: Axes, middle: FloatArray, size_mm: tuple[float, float], scale: int) -> shapely.Polygon:
+def look_at(axes: Axes, middle: FloatArray, size_mm: Size, scale: int) -> shapely.Polygon:
     """Let the axes show exactly what their size on paper has room for, and return that with a metre around it."""
     half = 0.5 * np.array(size_mm) * scale / 1e3
     low, high = middle - half, middle + half
@@ -199,7 +206,7 @@ def _draw_stations(axes: Axes, result: Result, page: Page, mm: float, taken: lis
             axes.text(x, y, f"{s:z.0f}", fontsize=_TINY, color=INK, ha="center", va="center", zorder=7)
 
 
-def _draw_bar(axes: Axes, page: Page, size_mm: tuple[float, float]) -> None:
+def _draw_bar(axes: Axes, page: Page, size_mm: Size) -> None:
     """Draw the scale bar into the lower left corner: in the data's metres, so that it is as long as what it measures."""
     mm = page.scale / 1e3
     longest = min(_LONGEST_BAR_MM, 0.6 * size_mm[0])

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import shapely
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
@@ -24,11 +25,13 @@ from hdvplan.report.paper import MM_IN, PAPERS_MM, SCALES, STAMP_MM, Page, Sheet
 from hdvplan.report.rooms import room_at
 from hdvplan.report.sheet import sheet_bytes, steering_text
 from hdvplan.report.sheetmap import draw_field, inset_scale, places_of
+from hdvplan.road.regions import Kind, Region
 from hdvplan.vehicle.load import load_vehicle
 from tests.nightly import nightly
 from tests.report.pdf import strokes
 
 FIELD_MM = (290.0, 200.0)
+WIDE_MM = (9000.0, 9000.0)
 
 
 def read(result: Result, paper: str = "a3", scale: int | None = None) -> PdfReader:
@@ -103,12 +106,24 @@ def test_of_a_road_too_long_for_sheets_the_tight_stretches_are_drawn(long: Resul
 
 def test_a_place_is_enlarged_on_one_sheet_unless_the_next_has_a_tighter_one_beside_it(long: Result) -> None:
     page = Page(0.0, long.drive.road.path.length, 0.0, (0.0, 0.0), 500)
-    shown = [room.s for _, room in places_of(long, page, 3)]
-    again = [room.s for _, room in places_of(long, page, 3, shown)]
+    shown = [room.s for _, room in places_of(long, page, WIDE_MM, 3)]
+    again = [room.s for _, room in places_of(long, page, WIDE_MM, 3, shown)]
     assert shown
     assert all(abs(one - other) >= 10.0 for one in shown for other in again)
-    (tightest,) = (room.s for _, room in places_of(long, page, 1))
-    assert places_of(long, page, 1, [tightest + 5.0])[0][1].s == tightest  # the first sheet ended on its shoulder
+    (tightest,) = (room.s for _, room in places_of(long, page, WIDE_MM, 1))
+    assert places_of(long, page, WIDE_MM, 1, [tightest + 5.0])[0][1].s == tightest  # the first sheet ended on its shoulder
+
+
+@pytest.mark.parametrize(("x", "scale"), [(-2.5, 500), (-2.5, 250), (84.0, 200)])
+def test_what_decides_before_or_behind_the_road_is_on_a_map(straight: Result, x: float, scale: int) -> None:
+    post = Region(Kind.OBSTACLE, shapely.Point(x, 1.5).buffer(0.1), "post")
+    result = result_of(replace(straight.drive, road=replace(straight.drive.road, regions=(post,))), solver="riccati", objective="geometric")
+    pages = pages_of(result, FIELD_MM, scale)
+    assert all(0.0 <= page.s_from < page.s_to <= 80.0 for page in pages)
+    page = pages[0 if x < 0.0 else -1]
+    assert [room.s for _, room in places_of(result, page, FIELD_MM, 1)] == pytest.approx([x])
+    aside = replace(page, middle=(page.middle[0] - 100.0 * np.sign(x), page.middle[1]))  # a map that does not show it
+    assert all(abs(room.s - x) > 1.0 for _, room in places_of(result, aside, FIELD_MM, 3))
 
 
 def test_a_scale_without_room_for_the_vehicle_is_refused(bus: Result) -> None:
