@@ -36,14 +36,13 @@ from hdvplan.report.maps import (
     reach_within,
 )
 from hdvplan.report.rooms import LONG_ROAD_M, Window, joined, outwards_at, pose_touching
-from hdvplan.report.style import ON_WHITE, SLIDE_IN, fitted_legend, mark_broken, styled, write_head, write_within
+from hdvplan.report.style import SLIDE_IN, fitted_legend, mark_broken, styled, write_beside, write_head
 from hdvplan.road.road import Road
 
 _ABREAST = 2  # enlargements beside each other
-_LABEL_AWAY_M = 2.5  # from the edge that it is written beside
 _LABELS_APART_M = 8.0
 _MOST_DEPTHS = 4  # written into one map, and as many of obstacles
-_LETTER_M, _LETTER_PT = 7.0, 25.0  # from the edge that it is written beside: room on the map, and its distance
+_LETTER_M, _LETTER_PT = 7.0, 25.0  # of a letter, from the edge that it is written beside: room on the map, and its distance
 _BEYOND_M = 40.0  # the road goes on beyond an enlarged stretch, as far as the map shows
 _TALL = 1.25  # height over width from which a road's overview stands beside its enlargements
 _AROUND_M = 20.0  # of a place that is shown
@@ -69,13 +68,13 @@ def draw_atlas(figure: SubFigure, result: Result, windows: tuple[Window, ...]) -
     if path.length > LONG_ROAD_M:
         draw_overview(overview, result, windows)
     else:
-        draw_map(overview, result, features, whole)
+        taken = draw_map(overview, result, features, whole)
         frame(overview, _points(result, whole), reach_within(result, whole) + _LETTER_M)
         for window in windows:
             if window.room is not None:
                 x, y = _LETTER_PT * window.room.outwards
                 draw_letter(overview, window.label, window.room.beyond, (float(x), float(y)), INK)
-        _draw_hits(overview, result, _LETTER_M)
+        _draw_hits(overview, result, taken)
     draw_direction(overview, path, 0.0, path.length, count=4)
     finish_map(overview, north=result.drive.road.to_lonlat is not None)
     named = _named(overview)
@@ -98,22 +97,21 @@ def _draw_enlarged(
     points, road, room = _points(result, window), result.drive.road, window.room
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     ends = np.array([middle - 0.5 * extent, middle + 0.5 * extent])
-    draw_features(axes, features, around(ends, 0.0))
+    taken = draw_features(axes, features, around(ends, 0.0))
     if tube is not None:
         draw_tube(axes, tube)
-    _draw_depths(axes, result, Window(window.s_from - _BEYOND_M, window.s_to + _BEYOND_M))
-    _draw_hits(axes, result, _LABEL_AWAY_M)
     if room is not None:
-        draw_bodies(axes, corners(result.drive, np.array([pose_touching(result, room)])))
+        taken += draw_bodies(axes, corners(result.drive, np.array([pose_touching(result, room)])))
         if room.limited and not room.broken:  # breaches have their depth
-            spare = f"{max(-room.depth, 0.0):.2f} m"  # the title says what it is
-            draw_room(axes, room, spare, room.beyond + _LABEL_AWAY_M * room.outwards)
+            draw_room(axes, room, f"{max(-room.depth, 0.0):.2f} m", taken)  # the title says what it is
+    _draw_depths(axes, result, Window(window.s_from - _BEYOND_M, window.s_to + _BEYOND_M), taken)
+    _draw_hits(axes, result, taken)
     draw_direction(axes, road.path, window.s_from, window.s_to, count=2)
     frame(axes, ends, 0.0)
     finish_map(axes, north=road.to_lonlat is not None)
 
 
-def _draw_depths(axes: Axes, result: Result, window: Window) -> None:
+def _draw_depths(axes: Axes, result: Result, window: Window, taken: list[BaseGeometry]) -> None:
     begin, end = judged_stretch(result, window.s_from, window.s_to)
     kept = list[Breach]()
     for breach in sorted(result.balance.breaches, key=lambda breach: -breach.depth):
@@ -121,10 +119,11 @@ def _draw_depths(axes: Axes, result: Result, window: Window) -> None:
         if apart and breach.obstacle is None and begin <= breach.s_deepest <= end:
             kept.append(breach)
     for breach in kept[:_MOST_DEPTHS]:
-        _write_beside(axes, f"{breach.depth:.2f} m", breach.place, _LABEL_AWAY_M * outwards_at(result, breach.s_deepest, breach.side))
+        outwards = outwards_at(result, breach.s_deepest, breach.side)
+        write_beside(axes, f"{breach.depth:.2f} m", np.array(breach.place), outwards, taken, BREACH)
 
 
-def _draw_hits(axes: Axes, result: Result, away: float) -> None:
+def _draw_hits(axes: Axes, result: Result, taken: list[BaseGeometry]) -> None:
     """Mark where obstacles are hit, however small they are, and write how deep the deepest, and what they are called."""
     hits = sorted((near for near in result.approaches if near.distance < -KEPT_M), key=lambda near: near.distance)
     if not hits:
@@ -132,15 +131,7 @@ def _draw_hits(axes: Axes, result: Result, away: float) -> None:
     mark_broken(axes, np.array([(near.x, near.y) for near in hits]), "obstacle hit")
     for near in hits[:_MOST_DEPTHS]:
         text = f"{-near.distance:.2f} m into {near.obstacle.label or 'an obstacle'}"
-        _write_beside(axes, text, (near.x, near.y), away * outwards_at(result, near.s, near.side))
-
-
-def _write_beside(axes: Axes, text: str, place: tuple[float, float], away: FloatArray) -> None:
-    """Write in the colour of breaches what happens at a place, with a line to it, so far away from it (2,) [m]."""
-    write_within(
-        axes, text, np.array(place) + away, of=place, ha="center", va="center", zorder=6, color=BREACH,
-        fontweight="bold", fontsize="small", arrowprops={"arrowstyle": "-", "color": BREACH, "linewidth": 0.8},
-    )  # fmt: skip
+        write_beside(axes, text, np.array([near.x, near.y]), outwards_at(result, near.s, near.side), taken, BREACH)
 
 
 def _points(result: Result, window: Window) -> FloatArray:
@@ -167,8 +158,7 @@ def need_figure(shown: Result, features: Sequence[Drawn], lines: Sequence[str], 
     grid = figure.add_gridspec((len(windows) + across - 1) // across, across)
     for number, window in enumerate(windows):
         axes = figure.add_subplot(grid[divmod(number, across)])
-        draw_map(axes, shown, features, window)
-        _write_widening(axes, patches, window)
+        _write_widening(axes, shown, patches, window, draw_map(axes, shown, features, window))
         finish_map(axes, north=road.to_lonlat is not None)
         axes.set_title(window.title if window.label else window.reason, fontsize="small", loc="left")
         if number == 0:
@@ -195,11 +185,10 @@ def _range(patch: Drawn) -> tuple[float, float]:
     return float(patch.properties["s_from_m"] or 0.0), float(patch.properties["s_to_m"] or 0.0)
 
 
-def _write_widening(axes: Axes, patches: Sequence[Drawn], window: Window) -> None:
+def _write_widening(axes: Axes, shown: Result, patches: Sequence[Drawn], window: Window, taken: list[BaseGeometry]) -> None:
     for patch in patches:
         begin, end = _range(patch)
         if end >= window.s_from and begin <= window.s_to:
-            x, y = np.asarray(shapely.point_on_surface(patch.geometry).coords)[0]
             text = f"{patch.properties['depth_m']:.2f} m, {patch.geometry.area:.1f} m²"
-            axes.annotate(text, (x, y), xytext=(14, 10), textcoords="offset points", color=BREACH, fontweight="bold", bbox=ON_WHITE,
-                          zorder=7, arrowprops={"arrowstyle": "-", "color": BREACH})  # fmt: skip
+            outwards = outwards_at(shown, float(patch.properties["s_m"] or 0.0), str(patch.properties["side"]))
+            write_beside(axes, text, shapely.get_coordinates(shapely.point_on_surface(patch.geometry))[0], outwards, taken, BREACH)

@@ -22,7 +22,7 @@ from hdvplan.judging.result import Result
 from hdvplan.report import BAND, BREACH, INK, MUTED, body_colour
 from hdvplan.report.layers import Drawn, Layer, outline_places
 from hdvplan.report.rooms import Room, Window, shown_reach
-from hdvplan.report.style import BRIDGED, ON_WHITE, body_dark, body_fill, mark_broken, write_within
+from hdvplan.report.style import BRIDGED, ON_WHITE, body_dark, body_fill, mark_broken, write_beside
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.regions import outlines_of
 
@@ -58,9 +58,14 @@ _LOOKS: dict[Layer, tuple[str, dict[str, Any]]] = {  # what the legend says, and
 }
 
 
-def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
-    """Draw the layers of a drawing but vehicles and clearances, as far as they lie in ``view``; the first of a kind is labelled."""
-    labels, features = set[str](), sorted(features, key=_order)
+def draw_features(
+    axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, weight: float = SLIDE, turned: Turn = UNTURNED
+) -> list[BaseGeometry]:
+    """Draw the layers of a drawing but vehicles and clearances, as far as they lie in ``view``; the first of a kind is labelled.
+
+    Return what texts should not cover: lines, edges, and what is swept.
+    """
+    labels, taken, features = set[str](), list[BaseGeometry](), sorted(features, key=_order)
     names = {str(feature.properties.get("name") or "") for feature in features if feature.layer is Layer.OBSTACLES}
     for feature in features:
         if feature.layer not in _LOOKS:
@@ -90,11 +95,13 @@ def draw_features(axes: Axes, features: Iterable[Drawn], view: BaseGeometry, *, 
             look["linestyle"] = (0, (1, 1.5))
         shown = None if label in labels else label
         labels.add(label)
+        taken += shapely.get_parts(seen).tolist() if line or feature.layer is Layer.ENVELOPE else outlines_of(seen)
         if line:
             for number, part in enumerate(shapely.get_parts(seen)):
                 axes.plot(*np.asarray(shapely.get_coordinates(part)).T, label=shown if number == 0 else None, **look)
         else:
             draw_area(axes, outline_of(seen), label=shown, **look)
+    return taken
 
 
 def _order(feature: Drawn) -> int:
@@ -107,14 +114,15 @@ def swept_label(name: str, unit: int) -> str:
     return f"swept by {name}" if unit == 0 else f"swept by {name} only"
 
 
-def draw_map(axes: Axes, result: Result, features: Iterable[Drawn], window: Window) -> None:
-    """Draw a stretch of a plan with bodies that stand behind each other, without wheel tracks."""
+def draw_map(axes: Axes, result: Result, features: Iterable[Drawn], window: Window) -> list[BaseGeometry]:
+    """Draw a stretch of a plan with bodies that stand behind each other, without wheel tracks; return what texts should not cover."""
     points = centre_of(result, window)
     room = reach_within(result, window)
-    draw_features(axes, (feature for feature in features if feature.layer is not Layer.TRACKS), around(points, room))
+    taken = draw_features(axes, (feature for feature in features if feature.layer is not Layer.TRACKS), around(points, room))
     places = outline_places(result, window.s_from, window.s_to)
-    draw_bodies(axes, corners(result.drive, np.array([pose_at(result.drive, s) for s in places])))
+    taken += draw_bodies(axes, corners(result.drive, np.array([pose_at(result.drive, s) for s in places])))
     frame(axes, points, room)
+    return taken
 
 
 def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> None:
@@ -133,8 +141,8 @@ def draw_overview(axes: Axes, result: Result, windows: tuple[Window, ...]) -> No
     axes.set_title("overview", fontsize="small", loc="left")
 
 
-def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> None:
-    """Draw outlines (poses, bodies, 4, 2), as ``corners`` has them, an arrow head in the front of the lead unit."""
+def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turned: Turn = UNTURNED) -> list[BaseGeometry]:
+    """Draw and return outlines (poses, bodies, 4, 2), as ``corners`` has them, an arrow head in the front of the lead unit."""
     shown: FloatArray = turned(outlines.reshape(-1, 2)).reshape(outlines.shape)
     colours = [body_colour(unit) for unit in range(shown.shape[1])] * len(shown)
     drawn = PolyCollection(
@@ -144,6 +152,7 @@ def draw_bodies(axes: Axes, outlines: FloatArray, *, weight: float = SLIDE, turn
     for left, right, right_back, left_back in shown[:, 0]:
         heads = np.array([left + HEAD * (left_back - left), 0.5 * (left + right), right + HEAD * (right_back - right)])
         axes.plot(*heads.T, color=body_colour(0), linewidth=0.7 * weight, zorder=3.5)
+    return [shapely.Polygon(outline) for outline in shown.reshape(-1, 4, 2)]
 
 
 def draw_tube(axes: Axes, tube: BaseGeometry, *, turned: Turn = UNTURNED) -> None:
@@ -161,13 +170,13 @@ def draw_letter(axes: Axes, letter: str, at: FloatArray, away_pt: tuple[float, f
     )  # fmt: skip
 
 
-def draw_room(axes: Axes, room: Room, text: str, text_at: FloatArray, *, turned: Turn = UNTURNED) -> None:
-    """Draw the least room at a place as a dimension, with ``text`` at ``text_at``, a place on the paper (2,) [m]."""
-    first, last = turned(room.ends)
+def draw_room(axes: Axes, room: Room, text: str, taken: Iterable[BaseGeometry], *, turned: Turn = UNTURNED) -> None:
+    """Draw the least room at a place as a dimension, with ``text`` beside it, off what is ``taken`` on the paper."""
+    first, last, beyond, outwards = turned(np.stack([*room.ends, room.beyond, room.outwards]))
     colour = BREACH if room.broken else INK
     style = {"arrowstyle": "|-|", "color": colour, "linewidth": 1.1, "mutation_scale": 3.0, "shrinkA": 0.0, "shrinkB": 0.0}
     axes.annotate("", point(last), point(first), arrowprops=style, zorder=8)
-    write_within(axes, text, text_at, ha="center", va="center", zorder=9, color=colour, fontweight="bold", fontsize="small", clip_on=True)
+    write_beside(axes, text, beyond, outwards, taken, colour)
 
 
 def draw_area(axes: Axes, outline: Outline, **look: Any) -> None:  # noqa: ANN401 - Matplotlib's

@@ -25,8 +25,6 @@ _BARS_M = (200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
 _LONGEST_BAR_MM = 105.0
 _INSET_SCALES = ((1000, 200), (200, 100), (100, 50), (40, 20), (20, 10), (0, 5))  # from this scale of the sheet on: at least twice as large
 _PLACES_APART_M = 15.0
-_BESIDE_MM = 7.0  # of an enlarged place: its text
-_LONG_SHARE = 0.3  # of an enlarged place's height: longer dimensions have room for their text
 _INWARDS_M = 1.2  # that the road is looked at from an enlarged place
 _TICKS_M = (5.0, 10.0, 20.0, 50.0, 100.0)
 _TICK_MM = 28.0  # at least, between two
@@ -34,7 +32,6 @@ _ARROWS_MM = 70.0  # between arrows along the road
 _LETTER_PT = 25.0  # from the place that it names
 _BUBBLE_MM, _FREE_MM = 4.0, 6.5  # of a letter's circle to the frame; from it to a station's number
 _TICKED_MM, _NUMBER_MM = np.array([0.8, 2.0, 4.2]), 2.0  # of a station's tick and number to what is swept; of the number to the frame
-_ASIDE_MM, _BELOW_MM, _ABOVE_MM = 19.0, 9.0, 4.0  # of an enlarged place's text to the frame, and to the head
 _KEY_POINTS = 400
 _LEVEL = 1e-3  # turn of a sheet with north up [rad]
 _SMALL, _TINY = 7.0, 6.0  # of type [pt]
@@ -140,21 +137,12 @@ def draw_inset(
     ends = page.turned(room.ends)
     inwards = page.turned(-_INWARDS_M * room.outwards[None])[0]
     view = look_at(axes, (ends.mean(axis=0) if room.limited else ends[0]) + inwards, size_mm, scale)
-    _draw_ground(axes, result, features, page, view, np.array([pose_touching(result, room)]))
+    taken = _draw_ground(axes, result, features, page, view, np.array([pose_touching(result, room)]))
     if tube is not None:
         draw_tube(axes, tube, turned=page.turned)
-    shown = float(np.hypot(*(ends[1] - ends[0]))) < _LONG_SHARE * size_mm[1] * scale / 1e3  # else the text stands on the dimension
-    beside = page.turned((room.beyond + _BESIDE_MM * scale / 1e3 * room.outwards)[None])[0] if room.limited and shown else ends.mean(axis=0)
-    draw_room(axes, room, room.text, _within(axes, beside, scale), turned=page.turned)
+    draw_room(axes, room, room.text, taken, turned=page.turned)
     body = body_name(result.drive.vehicle, room.unit)
     head_inset(axes, f"{letter}   1:{scale}   s = {room.s:z.1f} m, {body}, {room.side}")
-
-
-def _within(axes: Axes, place: FloatArray, scale: int) -> FloatArray:
-    """Return where a text is written whose place may be under the head of an enlarged place, or at its frame."""
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    aside, below, above = (mm * scale / 1e3 for mm in (_ASIDE_MM, _BELOW_MM, _ABOVE_MM))
-    return np.array([np.clip(place[0], left + aside, right - aside), np.clip(place[1], low + above, high - below)])
 
 
 def inset_scale(page: Page) -> int:
@@ -183,9 +171,11 @@ def look_at(axes: Axes, middle: FloatArray, size_mm: Size, scale: int) -> shapel
     return shapely.box(*(low - 1.0), *(high + 1.0))
 
 
-def _draw_ground(axes: Axes, result: Result, features: tuple[Drawn, ...], page: Page, view: shapely.Polygon, poses: IntArray) -> None:
-    draw_features(axes, features, view, weight=1.0, turned=page.turned)
-    draw_bodies(axes, corners(result.drive, poses), weight=1.0, turned=page.turned)
+def _draw_ground(
+    axes: Axes, result: Result, features: tuple[Drawn, ...], page: Page, view: shapely.Polygon, poses: IntArray
+) -> list[BaseGeometry]:
+    taken = draw_features(axes, features, view, weight=1.0, turned=page.turned)
+    return [*taken, *draw_bodies(axes, corners(result.drive, poses), weight=1.0, turned=page.turned)]
 
 
 def _draw_stations(axes: Axes, result: Result, page: Page, mm: float, taken: list[BaseGeometry]) -> None:

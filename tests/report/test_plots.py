@@ -29,7 +29,7 @@ from hdvplan.report.layers import Drawn, Layer
 from hdvplan.report.maps import draw_features
 from hdvplan.report.plots import plan_figure
 from hdvplan.report.rooms import Window
-from hdvplan.report.style import SLIDE_IN, figure_bytes, styled, write_within
+from hdvplan.report.style import SLIDE_IN, figure_bytes, styled, write_beside
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
 from hdvplan.road.regions import Kind, Region
@@ -193,7 +193,7 @@ def test_what_is_written_into_a_map_lies_within_it() -> None:
     axes = Figure().add_subplot()
     axes.set(xlim=(0.0, 10.0), ylim=(0.0, 10.0))
     for x, y in ((0.1, 5.0), (9.9, 9.9), (5.0, 0.0)):
-        write_within(axes, "2.50 m", np.array([x, y]), of=(5.0, 5.0))
+        write_beside(axes, "2.50 m", np.array([x, y]), np.array([x, y]) - 5.0, [], INK)
     figure = axes.get_figure(root=True)
     assert figure is not None
     figure.draw_without_rendering()
