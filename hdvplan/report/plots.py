@@ -100,9 +100,9 @@ def _finish_whole(axes: Axes, result: Result, windows: tuple[Window, ...], *, na
     length = result.drive.road.path.length
     within = all(0.0 <= breach.s_deepest <= length for breach in result.balance.breaches)
     axes.set_xlim(*((0.0, length) if within else judged_stretch(result, 0.0, length)))
-    legend_above(axes, columns=4)
-    for window in windows:
-        axes.axvspan(window.s_from, window.s_to, color=_SHADE, linewidth=0.0, zorder=0)
+    for number, window in enumerate(windows):
+        label = "enlarged on maps" if named and number == 0 else None
+        axes.axvspan(window.s_from, window.s_to, color=_SHADE, linewidth=0.0, zorder=0, label=label)
         if named:
             axes.text(
                 window.s_from,
@@ -114,6 +114,7 @@ def _finish_whole(axes: Axes, result: Result, windows: tuple[Window, ...], *, na
                 fontsize="small",
                 fontweight="bold",
             )
+    legend_above(axes, columns=4)
 
 
 def _draw_envelope(axes: Axes, result: Result, window: Window) -> None:

@@ -121,6 +121,12 @@ def test_a_broken_limit_is_drawn_with_its_depth_on_the_map_and_over_s(kerbed: Re
     assert {"beyond a limit", "limits", "limits of overhangs"} <= set(names)
 
 
+def test_the_legend_says_what_the_bands_of_enlarged_stretches_are(kerbed: Result, long: Result) -> None:
+    for result in (kerbed, long):
+        names = [axes.get_legend_handles_labels()[1] for axes in drawn(result).axes if axes.get_ylabel().startswith("reach")]
+        assert "enlarged on maps" in names[0]
+
+
 def test_what_is_tight_by_geometry_is_seen_over_enlarged_stretches(kerbed: Result) -> None:
     assert kerbed.fit.findings
     (reach,) = [axes for axes in drawn(kerbed).axes if axes.get_ylabel().startswith("reach")]
