@@ -30,10 +30,11 @@ _ASIDE_M = (0.0, 0.01, 0.03)  # of room around what is swept
 
 @dataclass(frozen=True)
 class Widening:
-    """Areas by which the street grows, and a plan that fits then, judged in the street as it was."""
+    """Areas by which the street grows, and a plan that fits then, judged in the street as it was and as it is ``then``."""
 
     patches: tuple[Patch, ...]
     result: Result
+    then: Result
 
     @property
     def depth(self) -> float:
@@ -133,7 +134,8 @@ def _kept(case: Case, sides: Sequence[str], plan: Result) -> Widening | None:
 def _fitting(case: Case, kerbs: tuple[Kerb, ...], patches: tuple[Patch, ...], plans: Iterable[Result]) -> Widening | None:
     """Return a widening with the first of ``plans`` that fits within it; None where none does."""
     street = on_kerbs(case.road, kerbs)
-    return next((Widening(patches, plan) for plan in plans if verdict_of(on_road(plan, street)).fits), None)
+    judged = ((plan, on_road(plan, street)) for plan in plans)
+    return next((Widening(patches, plan, then) for plan, then in judged if verdict_of(then).fits), None)
 
 
 def _plans(case: Case, kerbs: tuple[Kerb, ...]) -> Iterator[Result]:

@@ -77,7 +77,7 @@ class Drawn:
 def drawn_features(result: Result) -> tuple[Drawn, ...]:
     """Return all features of a plan's drawing, in the order of their layers, x, y [m]."""
     ground = (_road(result), region_features(result.drive.road.regions), _envelopes(result), kerb_features(result))
-    return tuple(chain(*ground, _tracks(result), _vehicles(result), _clearances(result), conflict_features(result)))
+    return tuple(chain(*ground, _tracks(result), _vehicles(result), clearance_features(result), conflict_features(result)))
 
 
 def outline_places(result: Result, s_from: float, s_to: float) -> list[float]:
@@ -138,7 +138,8 @@ def _vehicles(result: Result) -> Iterator[Drawn]:
             yield Drawn(Layer.VEHICLES, shapely.Polygon(outline), of_body(drive.vehicle, unit) | {"s_m": s})
 
 
-def _clearances(result: Result) -> Iterator[Drawn]:
+def clearance_features(result: Result) -> Iterator[Drawn]:
+    """Yield the room at the tightest places, as lines from a body to what it comes near, x, y [m]."""
     for at in peaks(result.envelope.s, tightness(result), _CLEARANCES_APART_M, _CLEARANCES) if result.gaps else ():
         room = room_at(result, at)
         if not room.broken:  # else a conflict

@@ -24,7 +24,7 @@ from hdvplan.report.cad import drawing_bytes
 from hdvplan.report.files import SHEET, driven_notes
 from hdvplan.report.geojson import area_style, feature
 from hdvplan.report.grid import grid
-from hdvplan.report.layers import Drawn, Layer, Value, drawn_features
+from hdvplan.report.layers import Drawn, Layer, Value, clearance_features, drawn_features
 from hdvplan.report.paper import SheetOptions
 from hdvplan.report.summary import passed_json, proof_json, tracking_json
 from hdvplan.road.regions import Kind, called
@@ -229,13 +229,17 @@ def shown_plan(need: Need) -> Result | None:
 def need_features(need: Need, shown: Result) -> tuple[Drawn, ...]:
     """Return all features of a need's drawing: those of the plan ``shown`` on the road as it is, and the areas to be widened.
 
-    Where these are known, what the plan sweeps beyond the road's limits is left out: it is the same with less around it.
+    Where these are known, room is that to the kerbs as widened, and what the plan sweeps beyond the present ones is left out: it is the
+    same with less around it.
     """
     widened = need.widenings
     areas = () if widened is None or widened.area is None else _areas(widened.area, Layer.WIDENING)
     depths = () if widened is None or widened.depth is None else _areas(widened.depth, Layer.WIDENING_LEAST_DEPTH)
     plan = drawn_features(shown)
-    return (*(feature for feature in plan if not areas or feature.layer is not Layer.CONFLICTS), *areas, *depths)
+    if widened is not None and widened.area is not None:
+        kept = (feature for feature in plan if feature.layer not in {Layer.CONFLICTS, Layer.CLEARANCE})
+        plan = (*kept, *clearance_features(widened.area.then))
+    return (*plan, *areas, *depths)
 
 
 def _areas(widening: Widening, layer: Layer) -> tuple[Drawn, ...]:
@@ -289,5 +293,5 @@ def _sheet(need: Need, shown: Result, options: SheetOptions) -> bytes:
         f"s = {patch.s_from:z.0f} to {patch.s_to:z.0f} m {patch.side}, {_area_text(patch.polygon.area)}, {patch.depth:.2f} m deep"
         for patch in widened.patches
     ]  # fmt: skip
-    rows = (("to widen", "; ".join(patches)),) if patches else ()
-    return sheet_bytes(shown, options, answer=Answer(need.fits, text, details, need_features(need, shown), rows))
+    rows, then = (("to widen", "; ".join(patches)),) if patches else (), None if widened is None else widened.then
+    return sheet_bytes(shown, options, answer=Answer(need.fits, text, details, need_features(need, shown), rows, then))

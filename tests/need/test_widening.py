@@ -55,7 +55,8 @@ def test_the_vehicle_fits_after_the_change_and_not_with_a_tenth_less(narrow: Cas
     widening = getattr(found, kind)
     assert widening is not None
     kerbs, _ = around(widening.result, BOTH)
-    assert verdict_of(on_road(widening.result, on_kerbs(narrow.road, kerbs))).fits is True
+    for then in (on_road(widening.result, on_kerbs(narrow.road, kerbs)), widening.then):
+        assert verdict_of(then).fits is True
     less, _ = around(widening.result, BOTH, -0.1 * widening.depth)  # by 2.5 cm: 2 cm are tolerances of need and verdict
     for objective in ("geometric", "balanced", "lead-axle"):
         assert verdict_of(plan(replace(narrow, road=on_kerbs(narrow.road, less), objective=objective))).fits is False
@@ -199,7 +200,7 @@ def test_the_answer_names_the_clearance_that_is_lacking_and_what_stays() -> None
     case = case_on([0.0, 60.0], [0.0, 0.0])
     wide = plan(replace(case, road=case.road.with_limits(3.0, 3.0)))
     island = Region(Kind.OBSTACLE, shapely.box(50.0, 10.0, 55.0, 15.0), "island")
-    widening = Widening(around(on_road(wide, case.road.with_limits(3.0, 1.0)), BOTH)[1], wide)
+    widening = Widening(around(on_road(wide, case.road.with_limits(3.0, 1.0)), BOTH)[1], wide, wide)
     asked = replace(case, road=replace(wide.drive.road, regions=(island,)), settings=replace(case.settings, clearance=0.5))
     no, yes = (
         need_lines(Need(asked, None, least_in_the_bend(), None, None, found))[0]
