@@ -23,6 +23,7 @@ _LARGEST_LON, _LARGEST_LAT = 180.0, 90.0  # [deg]
 _STEP_M = 100.0  # over which a system's scale is measured
 _FALSE_LENGTHS = 0.01  # share by which lengths may be wrong: 3 cm of 3 m
 _DEGREES_SPACING = 1e-2  # of points
+_ELSEWHERE_M = 1000.0  # no street is so wide
 ELSEWHERE_HINT = "are their coordinates swapped (longitude comes first), or of another system?"  # of what lies far from its road
 _DEGREES_LENGTH = 5.0  # no road is this short in metres, or this long in degrees
 
@@ -233,3 +234,17 @@ def _transformer(source: str, target: str) -> Transformer:
     if target == LONLAT and source.startswith(_LOCAL):
         return Transformer.from_pipeline(f"+proj=pipeline +step +inv {source} +step +proj=unitconvert +xy_in=rad +xy_out=deg")
     return Transformer.from_crs(source, target, always_xy=True)
+
+
+def refuse_elsewhere(line: FloatArray, edges: FloatArray) -> None:
+    """Refuse edges none of which is anywhere near the road; points of both, shape (n, 2) [m].
+
+    Raises:
+        RoadError: what is drawn is further away than ``_ELSEWHERE_M``.
+
+    """
+    apart = np.maximum(line.min(axis=0) - edges.max(axis=0), edges.min(axis=0) - line.max(axis=0))  # of both extents
+    far = float(np.hypot(*np.maximum(apart, 0.0)))
+    if far > _ELSEWHERE_M:
+        msg = f"the edges lie {far / 1e3:.0f} km from the road"
+        raise RoadError(msg, hint=ELSEWHERE_HINT)

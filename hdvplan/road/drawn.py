@@ -12,7 +12,7 @@ import shapely
 from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up
 from hdvplan.errors import RoadError
 from hdvplan.road.chains import OVERLAP_M, chained, gaps, opened
-from hdvplan.road.crs import ELSEWHERE_HINT
+from hdvplan.road.crs import refuse_elsewhere
 from hdvplan.road.limits import About, Limits
 from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.pieces import Kerb, between
@@ -24,7 +24,6 @@ _SAMPLES_M = 1.0  # of the path, for the first guess of a foot
 _STRAY = 3.0  # so many times as far along the road as along the edge: the foot has jumped to another part of the road
 _AWAY = 2.0  # so many times as far from its arm of the road as where another one came nearer, and as from that: a line has left it
 _SAME_M = 0.01  # from the road's line over a metre or two: no edge, but that line again
-_ELSEWHERE_M = 1000.0  # no street is so wide
 _AT_END_M = 1.0  # from an edge across the street: a line that ends there was drawn to end on it, and nobody drives onto a wall
 
 
@@ -43,9 +42,10 @@ def drawn_kerbs(
     """
     about = About.smooth(path)
     if edges:
-        _refuse_elsewhere(about.points, np.concatenate(edges))
+        refuse_elsewhere(about.points, np.concatenate(edges))
     longer = path.extended(BEYOND_M, BEYOND_M)
-    sided = [_sided(longer, path, edge) for edge in edges]
+    line = None if given is None or path.closed else shapely.LineString(_further(given.points, given.ends))
+    sided = [_sided(longer, path, edge, line) for edge in edges]
     pieces = [piece for found, _ in sided for piece in found]
     open_place = about.kerbs(Limits.constant(OPEN_M, OPEN_M, path.length))
     kerbs: list[Kerb] = []
@@ -74,21 +74,7 @@ def _further(points: FloatArray, ends: FloatArray) -> FloatArray:
     return np.vstack([points[0] - first, points, points[-1] + last])
 
 
-def _refuse_elsewhere(line: FloatArray, edges: FloatArray) -> None:
-    """Refuse edges none of which is anywhere near the road; points of both, shape (n, 2) [m].
-
-    Raises:
-        RoadError: what is drawn is further away than ``_ELSEWHERE_M``.
-
-    """
-    apart = np.maximum(line.min(axis=0) - edges.max(axis=0), edges.min(axis=0) - line.max(axis=0))  # of both extents
-    far = float(np.hypot(*np.maximum(apart, 0.0)))
-    if far > _ELSEWHERE_M:
-        msg = f"the edges lie {far / 1e3:.0f} km from the road"
-        raise RoadError(msg, hint=ELSEWHERE_HINT)
-
-
-def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tuple[list[Kerb], list[str]]:
+def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray, line: shapely.LineString | None) -> tuple[list[Kerb], list[str]]:
     """Return the parts of one drawn line that lie on one side of the road, in its direction, those across it, and notes on these.
 
     What lies beyond the road's ends belongs to the part that it goes on from: the street may bend there, and the path does not. Where a
@@ -99,6 +85,7 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
     ring = not path.closed and len(edge) > 3 and np.array_equal(edge[0], edge[-1])  # noqa: PLR2004
     number, s, offset = _located(longer, points)
     points, drawn = points[number], drawn[number]
+    offset = offset if line is None else _as_given(points, offset, line)
     left_out = np.append(np.diff(number) == 0, ring)  # by the point that a piece begins at
     beside = np.full(len(points), fill_value=True) if path.closed else (s > 0.0) & (s < path.length)
     if not np.any(beside):
@@ -140,6 +127,22 @@ def _sided(longer: ReferencePath, path: ReferencePath, edge: FloatArray) -> tupl
             lap = path.length * np.floor(s[along[0]] / path.length) if path.closed else 0.0
             found.append(Kerb(points[along], rising(s[along], offset[along]) - lap, left))
     return found, notes
+
+
+def _as_given(points: FloatArray, offset: FloatArray, line: shapely.LineString) -> FloatArray:
+    """Return offsets of points of an edge with the side on which they lie of the ``line`` as it was given.
+
+    Where that turns sharply, the path is smoothed across the corner of the kerb inside: what lies beyond the path did not cross the line.
+    """
+    over = np.flatnonzero(np.diff(offset > 0.0) & np.any(points[1:] != points[:-1], axis=1))  # else beside another arm of the road
+    over = over[~shapely.intersects(line, shapely.linestrings(np.stack([points[over], points[over + 1]], axis=1)))]
+    if not over.size:
+        return offset
+    turned = np.where(np.searchsorted(over, np.arange(len(offset))) % 2, -offset, offset)
+    chords = np.stack([shapely.get_coordinates(line)[:-1], shapely.get_coordinates(line)[1:]], axis=1)
+    nearest = chords[shapely.STRtree(np.asarray(shapely.linestrings(chords))).nearest(np.asarray(shapely.points(points)))]
+    (along_x, along_y), (x, y) = (nearest[:, 1] - nearest[:, 0]).T, (points - nearest[:, 0]).T
+    return turned if np.sum(np.sign(turned * (along_x * y - along_y * x))) >= 0.0 else -turned
 
 
 def _crossings(offset: FloatArray, on: IntArray, over: BoolArray, *, ring: bool) -> Iterator[IntArray]:
