@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
-from hdvplan.arrays import FloatArray
+from hdvplan.arrays import BoolArray, FloatArray
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.pieces import Kerb, between
 from hdvplan.road.regions import OPEN_M
@@ -17,6 +18,7 @@ from hdvplan.road.street import BEYOND_M
 GAP_M = 0.5  # ends of two lines this close are one kerb
 OVERLAP_M = 1.0  # kerbs that run beside each other for longer are two
 _BACK = -0.5  # cosine of the turn by which a kerb leads back along itself
+_FAR = 2.0  # times as far from the road as where it is nearest: what is hidden there lies in a side street
 _ALONG = 0.5  # metres of road a metre of kerb, below which it leads into a side street
 
 
@@ -45,7 +47,8 @@ def chained(pieces: list[Kerb], path: ReferencePath) -> tuple[list[Kerb], list[B
     lap = path.length if path.closed else np.inf
     chains: list[tuple[Kerb, float, float]] = []  # each with where it begins and ends beside the road
     bridges = []
-    placed = sorted((_beside(piece, path) for piece in pieces), key=lambda one: one[1])
+    sights = _in_sight(pieces, path) if len(pieces) > 1 else [np.ones(len(piece.s), bool) for piece in pieces]
+    placed = sorted(map(partial(_beside, path=path), pieces, sights), key=lambda one: one[1])
     for piece, begin, end in placed:
         spans = [(first, last) for _, first, last in [*chains, *placed]]
         before = [at for at, (first, last) in enumerate(spans[: len(chains)]) if begin > last - OVERLAP_M and end < first + lap + OVERLAP_M]
@@ -71,11 +74,36 @@ def _are_walls(one: tuple[float, float], after: tuple[float, float], spans: list
     return apart and any((first <= one[1] and last >= after[0]) or last - first >= lap - GAP_M for first, last in spans)
 
 
-def _beside(piece: Kerb, path: ReferencePath) -> tuple[Kerb, float, float]:
-    """Return a piece with the arclengths of its first and last place that runs along the road: else twice that of its nearest one [m]."""
-    along = np.flatnonzero(np.diff(piece.s) > _ALONG * np.hypot(*np.diff(piece.points, axis=0).T))
-    if len(along):
-        return piece, float(piece.s[along[0]]), float(piece.s[along[-1] + 1])
+def _in_sight(pieces: list[Kerb], path: ReferencePath) -> list[BoolArray]:
+    """Return which points of each of several pieces are not far off and hidden by others from the road beside them: in a side street."""
+    count = [len(piece.points) for piece in pieces]
+    points, owner = np.concatenate([piece.points for piece in pieces]), np.repeat(np.arange(len(pieces)), count)
+    s = np.concatenate([piece.s for piece in pieces])
+    here = path.extended(max(BEYOND_M, -s.min()), max(BEYOND_M, s.max() - path.length)).at(s)
+    feet = np.stack([here.x, here.y], axis=1)
+    away = np.hypot(*(points - feet).T)
+    before = feet + (points - feet) * np.maximum(0.0, 1.0 - GAP_M / np.maximum(away, GAP_M))[:, None]
+    inner = np.flatnonzero(np.diff(owner) == 0)
+    drawn = shapely.STRtree(np.asarray(shapely.linestrings(np.stack([points[inner], points[inner + 1]], axis=1))))
+    way, met = drawn.query(np.asarray(shapely.linestrings(np.stack([feet, before], axis=1))), predicate="intersects")
+    seen = np.ones(len(points), bool)
+    seen[way[owner[way] != owner[inner[met]]]] = False
+    nearest = np.full(len(pieces), np.inf)
+    np.minimum.at(nearest, owner[seen], away[seen])
+    return np.split(seen | (away < _FAR * nearest[owner]), np.cumsum(count)[:-1])
+
+
+def _beside(piece: Kerb, seen: BoolArray, path: ReferencePath) -> tuple[Kerb, float, float]:
+    """Return a piece with the arclengths of its first and last place that runs along the road: else twice that of its nearest one [m].
+
+    What is not ``seen`` from there lies beside these, too.
+    """
+    along = np.diff(piece.s) > _ALONG * np.hypot(*np.diff(piece.points, axis=0).T)
+    own = np.flatnonzero(along & seen[1:] & seen[:-1] if np.any(along & seen[1:] & seen[:-1]) else along)
+    if len(own):
+        begin, end = float(piece.s[own[0]]), float(piece.s[own[-1] + 1])
+        s = np.maximum.accumulate(np.where(seen, piece.s, np.clip(piece.s, begin, end)))
+        return replace(piece, s=s), begin, end
     here = path.extended(BEYOND_M, BEYOND_M).at(piece.s)
     nearest = float(piece.s[np.argmin(np.hypot(here.x - piece.points[:, 0], here.y - piece.points[:, 1]))])
     return piece, nearest, nearest
