@@ -12,7 +12,7 @@ from hdvplan import api
 from hdvplan.answers import word_of, worded
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.given import GivenPath
-from hdvplan.errors import HdvplanError, RoadError
+from hdvplan.errors import HdvplanError
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import Verdict, verdict_of
 from hdvplan.loop import KM_H, LoopSettings
@@ -189,20 +189,16 @@ def closed_loop(result: Result, follower: str | Follower = "driver", settings: L
 
     All runs are driven side by side. They begin on the path; what is seen of the place is noisy. The wheels do what is wanted after the
     delay, times a gain, with noise, as far and as fast as the vehicle steers. Noise has the deviations that ``LoopSettings`` says,
-    correlated over 2 s (offset), 1 s (heading) and 0.5 s (wheels). The last 15 m are not followed.
+    correlated over 2 s (offset), 1 s (heading) and 0.5 s (wheels).
 
     Raises:
-        RoadError: the path is too short to be followed.
         OptionError: no such follower, or it raises, or returns what is no angle for each run.
 
     """
     of_kind("result", result, Result, "hdvplan.plan(case) returns one")
     settings = settings or LoopSettings()
     case = replace(result.case, settings=replace(result.case.settings, clearance=0.0, tracking_error=0.0))
-    track, vehicle = Track.of(result.drive, settings.speed / KM_H, settings.sideways), result.drive.vehicle
-    if track.length < vehicle.reach_ahead + vehicle.reach_behind:
-        msg = f"the path is followed over {max(track.length, 0.0):.1f} m, less than the {vehicle.name} is long"
-        raise RoadError(msg, hint="follow a longer path: its last 15 m are left out")
+    track = Track.of(result.drive, settings.speed / KM_H, settings.sideways)
     driven = followed_by(track, follower_named(follower), settings)
 
     def judged(run: int) -> Result | None:

@@ -21,12 +21,12 @@ _SLOWING_M = 10.0  # before and beyond a bend, along which it is driven as slowl
 _AHEAD_S, _UNNOTICED_M = 1.5, 0.1  # the driver: how far ahead an error shall be gone, and how much of it is let pass
 _LOOKAHEAD_M, _LOOKAHEAD_S = 3.0, 0.8  # pure pursuit
 _BACK_PER_S = 0.8  # Stanley: by how much of the offset it turns back
-_END_M = 15.0  # of the drive that is left out: there is nothing to pursue behind it
+_BEYOND_M = 15.0  # the drive's end, what there is to pursue: the wheels held as they are there
 
 
 @dataclass(frozen=True)
 class Track:
-    """A drive at nodes along its front axle's way, evenly spaced: what is followed. All of it is in the plane of the road's path."""
+    """A drive at nodes along its front axle's way, evenly spaced: what is followed, and some way on; in the plane of the road's path."""
 
     front: CubicSpline  #: the front axle's middle over its way [m]
     rear: FloatArray  #: the rear axle's middle (n, 2) [m]
@@ -46,13 +46,21 @@ class Track:
         rear = np.stack([lead["x"], lead["y"]], axis=1)
         front = rear + unit.wheelbase * np.stack([lead["cos"], lead["sin"]], axis=1)
         course = np.unwrap(np.arctan2(*np.gradient(front, axis=0).T[::-1]))
+        wheels = wrapped(course - np.arctan2(lead["sin"], lead["cos"]))
+        further = SPACING_M * np.arange(1.0, int(_BEYOND_M / SPACING_M) + 1.0)
+        turning = np.sin(wheels[-1]) / unit.wheelbase
+        ahead, wheels = course[-1] + turning * further, np.append(wheels, np.full(len(further), wheels[-1]))
+        middle, heading = ahead - 0.5 * turning * SPACING_M, ahead - wheels[-1]
+        front = np.vstack([front, front[-1] + SPACING_M * np.cumsum(np.stack([np.cos(middle), np.sin(middle)], axis=1), axis=0)])
+        rear = np.vstack([rear, front[-len(further) :] - unit.wheelbase * np.stack([np.cos(heading), np.sin(heading)], axis=1)])
+        course = np.append(course, ahead)
         bend = np.abs(np.gradient(course, SPACING_M))
         allowed = np.minimum(speed, np.sqrt(sideways / np.maximum(bend, 1e-6)))
         return cls(
             CubicSpline(SPACING_M * np.arange(len(front)), front),
             rear,
             course,
-            wrapped(course - np.arctan2(lead["sin"], lead["cos"])),
+            wheels,
             minimum_filter1d(allowed, 1 + 2 * int(_SLOWING_M / SPACING_M), mode="nearest"),
             np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(rear, axis=0).T))]),
             unit.wheelbase,
@@ -63,7 +71,7 @@ class Track:
     @property
     def length(self) -> float:
         """Length of the part that is followed [m]."""
-        return float(self.front.x[-1]) - _END_M
+        return float(self.front.x[-1]) - _BEYOND_M
 
     def at(self, values: FloatArray, way: FloatArray) -> FloatArray:
         """Return values that are given at nodes, (n,) or (n, 2), at places of the front axle's way (runs,) [m]."""
