@@ -27,7 +27,10 @@ _KINDS: dict[str, Any] = {"f": np.float64, "i": np.int64, "p": ADDRESS}  # as la
 
 _FOLDER = Path(__file__).parent
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
-_HINT = "build it again: `pip install -e .` in a checkout, else `pip install --force-reinstall --no-deps hdvplan`"
+_HINT = (
+    "build it again: `pip install -e .` in a checkout, which Python takes before an installed hdvplan if it is started there; "
+    "else `pip install --force-reinstall --no-deps hdvplan`"
+)
 
 
 class CoreError(HdvplanError):
