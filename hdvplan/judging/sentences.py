@@ -40,9 +40,11 @@ def attempts_text(result: Result) -> str:
     first, *others = result.attempts
     steps = " and ".join(f"{attempt.step:g} m" for attempt in others if attempt.step != first.step)
     ways = ["limits that give way"] * any(attempt.step == first.step for attempt in others) + [f"stations {steps} apart"] * bool(steps)
-    least = min(attempt.lacking for attempt in result.attempts)
-    answer = "it fits" if least == 0.0 else f"{least:.3f} m are lacking at best"
-    return f"the first plan lacks {first.lacking:.3f} m; planned again with {', and with '.join(ways)}, {answer}: that is the plan here"
+    least = min(result.attempts, key=lambda attempt: attempt.lacking)
+    answer = "it fits" if least.lacking == 0.0 else f"{least.lacking:.3f} m are lacking at best"
+    elsewhere = ", which uses that elsewhere, too; --no-refine shows the first" if least.lacking > 0.0 and least.give_way > 0.0 else ""
+    again = f"planned again with {', and with '.join(ways)}, {answer}: that is the plan here{elsewhere}"
+    return f"the first plan lacks {first.lacking:.3f} m; {again}"
 
 
 def between_texts(result: Result, spare: float | None) -> list[str]:

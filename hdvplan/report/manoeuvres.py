@@ -180,8 +180,8 @@ def _tried_table(tried: Sequence[Json], sought: str) -> Table:
         found = (f"{one['fits_with_m']:.2f}", f"{sizes[0]:.3f}", f"{sizes[-1]:.3f}", f"{len(sizes)} of {one['starts']}")
         rows.append((f"{one['legs']}", *found, "-" if formula is None else f"{formula:.3f}"))
     columns = ("legs", "fits with [m]", "best start [m]", "worst start [m]", "found by", "no swing [m]")
-    caption = "no swing: by formula, without swinging out first"
-    return grid(f"{sought}, found", columns, rows, caption=caption if any(row[-1] != "-" for row in rows) else None)
+    swing = "; no swing: by formula, without swinging out first" if any(row[-1] != "-" for row in rows) else ""
+    return grid(f"{sought}, found", columns, rows, caption=f"starts: before the best is polished{swing}")
 
 
 def reversal_poses(answer: Answer) -> pd.DataFrame:

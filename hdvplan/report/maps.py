@@ -52,7 +52,7 @@ _LOOKS: dict[Layer, tuple[str, dict[str, Any]]] = {  # what the legend says, and
     Layer.CONFLICTS: ("beyond a limit", {"facecolor": BREACH, "edgecolor": BREACH, "linewidth": 0.8, "zorder": 4.5}),
     Layer.GUIDED_PATH: ("path", {"color": INK, "linewidth": 0.7, "linestyle": (0, (7, 3)), "zorder": 4}),
     Layer.WIDENING: (
-        "to be widened (least area)",
+        "to be widened (least area found)",
         {"facecolor": "none", "edgecolor": BREACH, "hatch": "xxxx", "linewidth": 1.0, "zorder": 6},
     ),
 }

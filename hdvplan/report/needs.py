@@ -196,8 +196,8 @@ def widening_tables(widenings: Widenings) -> list[Table]:
     if area is None or depth is None:
         return []
     if area.area == depth.area:
-        return [_table(area, "least area and least depth")]
-    return [_table(area, "least area"), _table(depth, "least depth")]
+        return [_table(area, "least area and depth found")]
+    return [_table(area, "least area found"), _table(depth, "least depth found")]
 
 
 def _table(widening: Widening, title: str) -> Table:

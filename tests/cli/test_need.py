@@ -103,7 +103,7 @@ def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path
     (least,) = re.findall(r"widening the road by ([0-9.]+ m2)", outcome.out)
     assert "NO: the bus does not fit" in drawn
     assert least in drawn
-    assert "to be widened (least area)" in drawn
+    assert "to be widened (least area found)" in drawn
     assert "to widen s = " in drawn
     assert "Line 18" in drawn
     told = json.loads((tmp_path / "out" / "need.json").read_text(encoding="utf-8"))
@@ -117,7 +117,7 @@ def test_a_road_too_narrow_is_a_no_with_the_kerb_to_take_away(cli: Cli, tmp_path
             [place["area_m2"] for place in said["places"]], abs=5e-4
         )
     assert "least area" in outcome.out
-    assert "least depth" in outcome.out
+    assert "least depth found" in outcome.out
     drawing, said = readfile(tmp_path / "out" / "need.dxf"), told["widening"]["least_area"]["places"]
     areas = [line for line in drawing.modelspace().query('LWPOLYLINE[layer=="WIDENING"]') if isinstance(line, LWPolyline)]
     assert sum(shapely.Polygon(line.vertices()).area for line in areas) == pytest.approx(told["widening_m2"], abs=1e-3)
