@@ -62,7 +62,7 @@ class BenchOptions:
             (
                 not compared and (decision != Decision() or self.command is not None),
                 "--factor, --floor, --expect-changes, --patience, --time-limit and --command need --against",
-                None,
+                None if self.counters is None else "--renew takes changed counters over",
             ),
             (self.extras is not None and self.command is None, "--extras needs --command", None),
             (self.renew and self.counters is None, "--renew needs --counters", None),

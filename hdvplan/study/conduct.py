@@ -105,7 +105,8 @@ def run(
     """Plan and judge all cells of a study that ``out`` does not hold yet, and write its tables, its ranking and its map there.
 
     ``study`` is a TOML file, its entries, or a ``Study``; without an ``engine`` it runs in processes on this machine. ``on_progress``
-    receives the number of cells that have ended, and of all. Whatever interrupts the run: the cells that ended are kept. Where
+    receives the number of cells that have ended, and of all. Whatever interrupts the run: the cells that ended are kept, and tables of an
+    earlier run, whose cells are kept, go first where others are to be planned. Where
     what is kept is damaged its cells are planned again, and ``on_damage`` receives a line; see ``Store``.
 
     Raises:
@@ -118,8 +119,11 @@ def run(
     _refuse_others(folder)
     folder.mkdir(parents=True, exist_ok=True)
     chosen = LocalEngine() if engine is None else engine
-    record = _begun(defined, folder, chosen)
+    record, resumed = _begun(defined, folder, chosen), (folder / KEPT).exists()
     with closing(Store(folder, on_damage or (lambda _: None))) as store:
+        if resumed and any(True for _ in _left(defined, store)):  # who is interrupted shall not find an earlier run's tables
+            for table in set(_OURS) - {KEPT}:
+                (folder / table).unlink(missing_ok=True)
         _plan(defined, store, chosen, on_progress or (lambda _done, _all: None))
         write_whole(folder, defined.varied, store, cells_of(defined))
     return _finished(folder, defined.varied, record)

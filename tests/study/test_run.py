@@ -142,6 +142,23 @@ def test_a_cell_is_kept_as_soon_as_it_has_ended(folder: Path, tiny: Entries) -> 
     pd.testing.assert_frame_equal(exact(resumed.cells()), exact(_run(folder, tiny, out="undisturbed").cells()))
 
 
+def test_an_interrupted_run_leaves_no_tables_of_an_earlier_one(folder: Path, tiny: Entries) -> None:
+    """A job whose road had become too narrow was killed, and the old YES was published."""
+
+    def interrupted(*_: int) -> None:
+        raise KeyboardInterrupt
+
+    few = tiny | {"vehicles": ["bus"]}
+    first = exact(_run(folder, few).cells())
+    assert (folder / "out" / "cells.csv").exists()
+    with pytest.raises(KeyboardInterrupt):
+        run(study_of(tiny, folder), folder / "out", InHere(), on_progress=interrupted)
+    assert {path.name for path in (folder / "out").iterdir()} == {KEPT, "study.json"}
+    again = InHere()
+    pd.testing.assert_frame_equal(exact(_run(folder, few, again).cells()), first)
+    assert again.worked == []
+
+
 def test_a_file_that_cannot_be_written_ends_a_study(folder: Path, tiny: Entries, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hdvplan.study.store._PATIENCE_S", 0.0)
     _run(folder, tiny | {"vehicles": ["bus"]})
