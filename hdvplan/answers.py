@@ -24,7 +24,8 @@ def without_word(line: str, word: str) -> str:
 
 def room_text(spare: float, *, fits: bool, digits: int = 2) -> str:
     """Return the room to spare, or lacking where it is negative [m]."""
-    return f"{room_number(spare, fits=True):.{digits}f} m to spare" if fits else f"{-spare:.{digits}f} m lacking"
+    told = room_number(spare, fits=fits)
+    return f"{told:.{digits}f} m to spare" if fits else f"{-told:.{digits}f} m lacking"
 
 
 def room_number(spare: float, *, fits: bool) -> float:

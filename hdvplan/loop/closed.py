@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from hdvplan import api
-from hdvplan.answers import word_of, worded
+from hdvplan.answers import room_text, word_of, worded
 from hdvplan.arrays import FloatArray
 from hdvplan.driving.given import GivenPath
 from hdvplan.errors import HdvplanError
@@ -164,7 +164,7 @@ def loop_text(loop: ClosedLoop) -> str:
         return f"in a closed loop, {runs} runs: {strays}"
     found = f"in a closed loop {loop.kept} of {runs} runs keep the street"
     if verdict is not None and verdict.spare is not None:
-        room = f"{abs(verdict.spare):.2f} m {'to spare' if verdict.fits else 'lacking'}"
+        room = room_text(verdict.spare, fits=verdict.fits is not False)
         found = f"{found}; run {worst} is the worst, {room} ({verdict.side}, s = {verdict.s:z.1f} m)"
     elif not driven.lost[worst - 1]:
         found = f"{found}; run {worst} cannot be judged: it leaves the road"

@@ -63,7 +63,7 @@ class Answer:
     details: str
     features: tuple[Drawn, ...]
     rows: tuple[tuple[str, str], ...] = ()  # of the title block, besides
-    roomy: Result | None = None  # the plan in a street that is widened for it, whose room is told
+    then: Result | None = None  # the plan in a street that is widened for it, whose room is told
 
 
 def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None = None) -> bytes:
@@ -78,14 +78,14 @@ def sheet_bytes(result: Result, options: SheetOptions, *, answer: Answer | None 
     pages, drive = pages_of(result, map_mm(options), options.scale), result.drive
     verdict = verdict_of(result)
     told = answer or Answer(verdict.holds, verdict_line(result, verdict), verdict_details(result, verdict), drawn_features(result))
-    roomy, strays = told.roomy or result, tracking_line(result) if answer is None or told.fits else ""
+    then, strays = told.then or result, tracking_line(result) if answer is None or told.fits else ""
     driver = (("driver", strays),) if strays else ()
     around, shown = drive.vehicle.reach_ahead + drive.vehicle.reach_behind, list[float]()  # a place is enlarged on one sheet
 
     def sheet(page: Page) -> Sheet:
-        places = places_of(roomy, page, map_mm(options), places_on(options), shown)
+        places = places_of(then, page, map_mm(options), places_on(options), shown)
         shown.extend(room.s for _, room in places)
-        tubes = tubes_of(roomy, [(room.s - around, room.s + around) for _, room in places])
+        tubes = tubes_of(then, [(room.s - around, room.s + around) for _, room in places])
         rows = rows_of([result], f"{drive.road.name}, {drive.road.path.length:.1f} m", page, options)
         return Sheet(
             drive.vehicle, told.fits, told.text, told.details, (*rows, *told.rows, ("wheel tracks", TRACK_NOTE), *driver),

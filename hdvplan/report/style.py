@@ -137,10 +137,8 @@ class _Beside(Annotation):
     """An annotation that finds its place when it is drawn: before, nobody knows what its axes show, and how large it is on them."""
 
     def __init__(self, text: str, place: FloatArray, outwards: FloatArray, taken: Iterable[BaseGeometry], colour: str) -> None:
-        at, line = (
-            (float(place[0]), float(place[1])),
-            {"arrowstyle": "-", "color": colour, "linewidth": 0.8, "shrinkA": 0.0, "shrinkB": 0.0},
-        )
+        at = float(place[0]), float(place[1])
+        line = {"arrowstyle": "-", "color": colour, "linewidth": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
         super().__init__(
             text, at, at, ha="center", va="center", color=colour, fontsize="small", fontweight="bold", zorder=9, bbox=ON_WHITE,
             clip_on=True, arrowprops=line,

@@ -47,8 +47,7 @@ def chained(pieces: list[Kerb], path: ReferencePath) -> tuple[list[Kerb], list[B
     lap = path.length if path.closed else np.inf
     chains: list[tuple[Kerb, float, float]] = []  # each with where it begins and ends beside the road
     bridges = []
-    sights = _in_sight(pieces, path) if len(pieces) > 1 else [np.ones(len(piece.s), bool) for piece in pieces]
-    placed = sorted(map(partial(_beside, path=path), pieces, sights), key=lambda one: one[1])
+    placed = sorted(map(partial(_beside, path=path), pieces, _in_sight(pieces, path)), key=lambda one: one[1])
     for piece, begin, end in placed:
         spans = [(first, last) for _, first, last in [*chains, *placed]]
         before = [at for at, (first, last) in enumerate(spans[: len(chains)]) if begin > last - OVERLAP_M and end < first + lap + OVERLAP_M]
@@ -77,6 +76,8 @@ def _are_walls(one: tuple[float, float], after: tuple[float, float], spans: list
 def _in_sight(pieces: list[Kerb], path: ReferencePath) -> list[BoolArray]:
     """Return which points of each of several pieces are not far off and hidden by others from the road beside them: in a side street."""
     count = [len(piece.points) for piece in pieces]
+    if len(pieces) <= 1:  # as of most roads
+        return [np.ones(number, bool) for number in count]
     points, owner = np.concatenate([piece.points for piece in pieces]), np.repeat(np.arange(len(pieces)), count)
     s = np.concatenate([piece.s for piece in pieces])
     here = path.extended(max(BEYOND_M, -s.min()), max(BEYOND_M, s.max() - path.length)).at(s)
@@ -99,9 +100,10 @@ def _beside(piece: Kerb, seen: BoolArray, path: ReferencePath) -> tuple[Kerb, fl
     What is not ``seen`` from there lies beside these, too.
     """
     along = np.diff(piece.s) > _ALONG * np.hypot(*np.diff(piece.points, axis=0).T)
-    own = np.flatnonzero(along & seen[1:] & seen[:-1] if np.any(along & seen[1:] & seen[:-1]) else along)
-    if len(own):
-        begin, end = float(piece.s[own[0]]), float(piece.s[own[-1] + 1])
+    in_sight = along & seen[1:] & seen[:-1]
+    along = np.flatnonzero(in_sight if np.any(in_sight) else along)
+    if len(along):
+        begin, end = float(piece.s[along[0]]), float(piece.s[along[-1] + 1])
         s = np.maximum.accumulate(np.where(seen, piece.s, np.clip(piece.s, begin, end)))
         return replace(piece, s=s), begin, end
     here = path.extended(BEYOND_M, BEYOND_M).at(piece.s)

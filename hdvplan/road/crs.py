@@ -236,7 +236,7 @@ def _transformer(source: str, target: str) -> Transformer:
     return Transformer.from_crs(source, target, always_xy=True)
 
 
-def refuse_elsewhere(line: FloatArray, edges: FloatArray) -> None:
+def refuse_far_edges(line: FloatArray, edges: FloatArray) -> None:
     """Refuse edges none of which is anywhere near the road; points of both, shape (n, 2) [m].
 
     Raises:

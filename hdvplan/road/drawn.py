@@ -12,7 +12,7 @@ import shapely
 from hdvplan.arrays import BoolArray, FloatArray, IntArray, counted_up
 from hdvplan.errors import RoadError
 from hdvplan.road.chains import OVERLAP_M, chained, gaps, opened
-from hdvplan.road.crs import refuse_elsewhere
+from hdvplan.road.crs import refuse_far_edges
 from hdvplan.road.limits import About, Limits
 from hdvplan.road.path import ReferencePath, project_many
 from hdvplan.road.pieces import Kerb, between
@@ -42,7 +42,7 @@ def drawn_kerbs(
     """
     about = About.smooth(path)
     if edges:
-        refuse_elsewhere(about.points, np.concatenate(edges))
+        refuse_far_edges(about.points, np.concatenate(edges))
     longer = path.extended(BEYOND_M, BEYOND_M)
     line = None if given is None or path.closed else shapely.LineString(_further(given.points, given.ends))
     sided = [_sided(longer, path, edge, line) for edge in edges]

@@ -17,6 +17,7 @@ from hdvplan.errors import RoadError
 from hdvplan.road.crs import ELSEWHERE_HINT
 from hdvplan.road.path import ReferencePath
 from hdvplan.road.pieces import BACK
+from hdvplan.road.street import BEYOND_M
 
 OPEN_M = 20.0  # room to either side of a road that has obstacles but no widths; polygons further away do not count
 OPEN_SPACING_M = 0.5
@@ -25,7 +26,6 @@ _EDGES = (EDGE, "kerb", "curb")  # words in the names of what is one
 _MEET_M = 1e-3  # ends of drawn pieces this close are one place
 _GRID_M = 1e-5  # to which what is drawn twice is rounded
 _FACED_M = 1.0  # so far apart what lies before an edge's two faces is looked for
-_BEYOND_M = 60.0  # a road's ends, where what is drawn counts
 _SEEN_M = 0.2  # so far apart points of an edge are looked at from its street
 SPUR_M = 0.01  # as thick is a wall that is drawn without any width
 _Drawn = tuple[FloatArray, str, str]  # a line (n, 2) [m], its name and its layer
@@ -219,7 +219,7 @@ def seen(edges: list[_Drawn], line: shapely.Geometry) -> list[_Drawn]:
         return edges
     drawn = np.array([shapely.LineString(edge) for edge, _, _ in edges])
     beside = shapely.union_all([shapely.buffer(part, OPEN_M, cap_style="flat") for part in shapely.get_parts(line) if part.length])
-    beyond = shapely.difference(shapely.buffer(shapely.boundary(line), _BEYOND_M), beside)
+    beyond = shapely.difference(shapely.buffer(shapely.boundary(line), BEYOND_M), beside)
     room = shapely.get_parts(shapely.difference(beside, shapely.buffer(shapely.union_all(drawn), _MEET_M, cap_style="square")))
     before = shapely.buffer(shapely.union_all(room[shapely.intersects(room, line)]), 2.0 * _MEET_M)
     parts, edge_of = shapely.get_parts(_parted(drawn, shapely.boundary(beside)), return_index=True)
@@ -234,11 +234,10 @@ def seen(edges: list[_Drawn], line: shapely.Geometry) -> list[_Drawn]:
     hidden = (length > 0.0) & ~is_seen & ~aside & (shapely.length(shapely.intersection(drawn, beyond)) < _MEET_M)[edge_of]
     same = np.diff(edge_of) == 0
     hidden |= aside & (np.append(hidden[1:] & same, False) | np.append(False, hidden[:-1] & same))
-    found = list[_Drawn]()
-    for at, edge in enumerate(edges):
-        behind = hidden & (edge_of == at)
-        whole = shapely.line_merge(shapely.MultiLineString(list(parts[(edge_of == at) & ~behind])))
-        found += [(shapely.get_coordinates(part), *edge[1:]) for part in shapely.get_parts(whole)] if np.any(behind) else [edge]
+    found, ends = list[_Drawn](), np.flatnonzero(~same) + 1
+    for edge, own, behind in zip(edges, np.split(parts, ends), np.split(hidden, ends), strict=True):
+        cut = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(own[~behind]))) if np.any(behind) else ()
+        found += [(shapely.get_coordinates(part), *edge[1:]) for part in cut] if np.any(behind) else [edge]
     return found
 
 

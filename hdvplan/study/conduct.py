@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 RECORD, RANKING, STRAYING, PAGE, WORKBOOK, PLAIN = "study.json", "ranking.csv", "straying.csv", "map.html", "table.xlsx", "cells.csv"
-_OURS = (CELLS, PLACES, KEPT, RANKING, STRAYING, PAGE, WORKBOOK, PLAIN)
+_TABLES = (CELLS, PLACES, RANKING, STRAYING, PAGE, WORKBOOK, PLAIN)
+_OURS = (*_TABLES, KEPT)
 _FORMER = "parts"  # where cells were once kept
 
 Json = dict[str, Any]
@@ -106,8 +107,8 @@ def run(
 
     ``study`` is a TOML file, its entries, or a ``Study``; without an ``engine`` it runs in processes on this machine. ``on_progress``
     receives the number of cells that have ended, and of all. Whatever interrupts the run: the cells that ended are kept, and tables of an
-    earlier run, whose cells are kept, go first where others are to be planned. Where
-    what is kept is damaged its cells are planned again, and ``on_damage`` receives a line; see ``Store``.
+    earlier run, whose cells are kept, go first where others are to be planned. Where what is kept is damaged its cells are planned again,
+    and ``on_damage`` receives a line; see ``Store``.
 
     Raises:
         HdvplanError: a definition that makes no study (see ``read_study``), or a folder with files of others.
@@ -119,19 +120,18 @@ def run(
     _refuse_others(folder)
     folder.mkdir(parents=True, exist_ok=True)
     chosen = LocalEngine() if engine is None else engine
-    record, resumed = _begun(defined, folder, chosen), (folder / KEPT).exists()
+    record, former = _begun(defined, folder, chosen), [folder / table for table in _TABLES if (folder / KEPT).exists()]
     with closing(Store(folder, on_damage or (lambda _: None))) as store:
-        if resumed and any(True for _ in _left(defined, store)):  # who is interrupted shall not find an earlier run's tables
-            for table in set(_OURS) - {KEPT}:
-                (folder / table).unlink(missing_ok=True)
-        _plan(defined, store, chosen, on_progress or (lambda _done, _all: None))
+        _plan(defined, store, chosen, on_progress or (lambda _done, _all: None), former)
         write_whole(folder, defined.varied, store, cells_of(defined))
     return _finished(folder, defined.varied, record)
 
 
-def _plan(study: Study, store: Store, engine: Engine, on_progress: Callable[[int, int], None]) -> None:
+def _plan(study: Study, store: Store, engine: Engine, on_progress: Callable[[int, int], None], former: Sequence[Path]) -> None:
     total = len(study)
     done = total - sum(1 for _ in _left(study, store))
+    for table in former if done < total else ():  # who is interrupted shall not find an earlier run's
+        table.unlink(missing_ok=True)
     on_progress(done, total)
     with closing(engine.run(_left(study, store))) as ending:
         for ended in ending:

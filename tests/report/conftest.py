@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from hdvplan.driving.drive import drive
 from hdvplan.judging.result import Result, result_of
 from hdvplan.planning.objectives import geometric
 from hdvplan.planning.settings import PlannerSettings
+from hdvplan.report import sheet
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
 from hdvplan.road.road import Road
@@ -73,3 +75,17 @@ def kerbed() -> Result:
     road = SCENARIOS["uturn"]()
     ends, two = np.array([0.0, road.path.length]), np.array([2.0, 2.0])
     return driven(replace(road, limits=Limits(ends, two, -two, two + 0.2, -two - 0.2)), "bus")
+
+
+@pytest.fixture
+def figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Return the figures of the sheets that are drawn from here on."""
+    found: list[Figure] = []
+    draw = sheet._figure
+
+    def kept(*given: Any) -> Figure:  # noqa: ANN401 - what is passed on
+        found.append(draw(*given))
+        return found[-1]
+
+    monkeypatch.setattr(sheet, "_figure", kept)
+    return found

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from hdvplan.judging.bodies import corners
 from hdvplan.judging.result import Result, result_of
-from hdvplan.report import sheet
 from hdvplan.report.layers import Layer, drawn_features
 from hdvplan.report.maps import UNTURNED, Turn
 from hdvplan.report.paper import SheetOptions, map_mm, pages_of
@@ -37,13 +34,13 @@ def bend(request: pytest.FixtureRequest) -> Result:
     return result_of(replace(free.drive, road=free.drive.road.with_limits(half, half)), solver="riccati", objective="geometric")
 
 
-def labels_in(figure: Figure, text: str) -> Iterator[tuple[Axes, shapely.Polygon]]:
+def labels_in(figure: Figure, text: str) -> Iterator[shapely.Polygon]:
     """Yield what a text covers, in the metres of its axes."""
     figure.draw_without_rendering()
     for axes in figure.axes:
         for written in axes.texts:
             if written.get_text() == text:
-                yield axes, shapely.box(*Text.get_window_extent(written).transformed(axes.transData.inverted()).extents)
+                yield shapely.box(*Text.get_window_extent(written).transformed(axes.transData.inverted()).extents)
 
 
 def assert_free(box: shapely.Polygon, result: Result, room: Room, turned: Turn) -> None:
@@ -61,26 +58,18 @@ def test_the_room_is_written_beside_the_place_in_pictures(bend: Result) -> None:
     for room in rooms:
         assert room is not None
         assert not room.broken
-        found = [box for _, box in labels_in(plan_figure(bend), f"{-room.depth:.2f} m")]
+        found = list(labels_in(plan_figure(bend), f"{-room.depth:.2f} m"))
         assert found
         for box in found:
             assert_free(box, bend, room, UNTURNED)
 
 
-def test_the_room_is_written_beside_the_place_on_sheets(monkeypatch: pytest.MonkeyPatch, bend: Result) -> None:
-    figures: list[Figure] = []
-    draw = sheet._figure
-
-    def kept(*given: Any) -> Figure:  # noqa: ANN401 - what is passed on
-        figures.append(draw(*given))
-        return figures[-1]
-
-    monkeypatch.setattr(sheet, "_figure", kept)
+def test_the_room_is_written_beside_the_place_on_sheets(figures: list[Figure], bend: Result) -> None:
     options = SheetOptions("a3")
     sheet_bytes(bend, options)
     (page,), (figure,) = pages_of(bend, map_mm(options), None), figures
     for _, room in places_of(bend, page, map_mm(options), 1):
-        found = [box for _, box in labels_in(figure, room.text)]
+        found = list(labels_in(figure, room.text))
         assert found
         for box in found:
             assert_free(box, bend, room, page.turned)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from io import BytesIO
 from itertools import combinations, pairwise
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
@@ -175,16 +175,8 @@ def test_enlarged_places_show_what_the_driver_may_err(kerbed: Result, straight: 
 @pytest.mark.slow
 @pytest.mark.parametrize(("paper", "stamps"), [nightly("a4", 0), ("a4", 6), nightly("a3", 10)])
 def test_no_text_lies_on_another_or_beyond_its_frame(
-    monkeypatch: pytest.MonkeyPatch, bus: Result, kerbed: Result, trailer: Result, long: Result, paper: str, stamps: int
+    figures: list[Figure], bus: Result, kerbed: Result, trailer: Result, long: Result, paper: str, stamps: int
 ) -> None:
-    figures: list[Figure] = []
-    draw = sheet._figure
-
-    def kept(*given: Any) -> Figure:  # noqa: ANN401 - what is passed on
-        figures.append(draw(*given))
-        return figures[-1]
-
-    monkeypatch.setattr(sheet, "_figure", kept)
     written = tuple((f"number {at}", "an office of consulting engineers and surveyors" * (at % 2)) for at in range(stamps))
     for result in (bus, kerbed, trailer, long):
         sheet_bytes(result, SheetOptions(paper, None, written))
