@@ -66,6 +66,7 @@ struct hdv_station {
     double k_low, k_high; /* smallest and largest signed curvature beside the vehicle [1/m] */
     double
         margin; /* what a body may reach beyond the limits between stations when it keeps them at every station [m] */
+    double give_way; /* by which limits give way to the plan where the lead axle is here [m] */
 };
 
 /* Sizes of a program in stages: N intervals, states and inputs of a stage, elastic rows, states with bounds. */

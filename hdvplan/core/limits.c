@@ -302,12 +302,18 @@ look_before(struct stage_scene *at, int64_t unit, int number, const struct hdv_n
     return least_of(&seen, &before->poses[unit], 0.0);
 }
 
+/* What the plan is to keep from every kerb at a stage, beyond what sampling needs [m]. */
+static double wanted(const struct hdv_limits *own, const struct hdv_scene *scene, int64_t stage) {
+    return own->clearance - scene->road[stage].give_way;
+}
+
 /* Look at a body at a stage and, where it is near a kerb, before it; the tightest contacts of both sides. */
 static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *found) {
     const struct hdv_limits *own = at->own;
     const struct hdv_unit *body = &at->scene->units[unit];
     struct hdv_contacts seen;
     const struct hdv_pose *pose = &at->before[0].poses[unit];
+    double clearance = wanted(own, at->scene, at->stage);
     double s = at->before[0].road.s, end = own->street->end;
     look_at_body(own->street, NULL, HDV_TO_PLAN, body, pose, s, own->behind[unit], &seen);
     for (int side = 0; side < 2; side++) {
@@ -319,19 +325,19 @@ static void look_at_unit(struct stage_scene *at, int64_t unit, struct looked *fo
     }
     if (!is_fine(at))
         return;
-    double least = least_of(&seen, pose, at->scene->step) - own->clearance;
+    double least = least_of(&seen, pose, at->scene->step) - clearance;
     if (s > end && s - at->scene->step < end) /* before the road's end more counts than beyond it */
         least = 0.0;
     if (least > NEAR_M)
         return;
     const struct hdv_near *among = own->near;
-    pieces_near(own->street, body, pose, s, own->behind[unit], own->clearance + AMONG_M + at->scene->step, own->near);
+    pieces_near(own->street, body, pose, s, own->behind[unit], clearance + AMONG_M + at->scene->step, own->near);
     if (among->count < 0 || least < -AMONG_M) /* far beyond a kerb, all */
         among = NULL;
     for (int round = 0; round < 2 && least <= (round == 0 ? NEAR_M : NEARER_M);
          round++) { /* every other one, the others */
         for (int number = 2 - round; number < HDV_BETWEEN; number += 2)
-            least = smaller(least, look_before(at, unit, number, among, found) - own->clearance);
+            least = smaller(least, look_before(at, unit, number, among, found) - clearance);
     }
 }
 
@@ -358,7 +364,7 @@ write_rows(struct stage_scene *at, int64_t unit, const struct tightest *found, i
 static void write_side(
     struct stage_scene *at, int64_t unit, const struct looked *found, int side, int64_t row, struct hdv_edge *edge
 ) {
-    double margin = at->scene->road[at->stage].margin + at->own->clearance;
+    double margin = at->scene->road[at->stage].margin + wanted(at->own, at->scene, at->stage);
     int overhangs = at->own->rows > 2 * HDV_ROWS_PER_SIDE * at->scene->unit_count ? 2 : 0;
     edge->gap = smaller(least_gap(found->at[side], HDV_ROWS_PER_SIDE), found->near[side]);
     edge->clear = smaller(edge->gap, least_gap(found->overhang[side], overhangs));
@@ -381,12 +387,11 @@ static double write_unit(struct stage_scene *at, int64_t unit) {
     const struct hdv_limits *own = at->own;
     const struct hdv_scene *scene = at->scene;
     struct hdv_edge *edges = own->edges + 2 * ((scene->at + at->stage) * scene->unit_count + unit);
-    double margin = scene->road[at->stage].margin + own->clearance;
+    double clearance = wanted(own, scene, at->stage), margin = scene->road[at->stage].margin + clearance;
     int64_t each = own->rows / (2 * scene->unit_count), row = own->row + 2 * unit * each, binding = scene->binding;
     int stale = 0;
     for (int side = 0; side < 2; side++) {
-        stale =
-            stale || (!is_clear(&edges[side], margin, binding) && is_stale(&edges[side], own->clearance, is_fine(at)));
+        stale = stale || (!is_clear(&edges[side], margin, binding) && is_stale(&edges[side], clearance, is_fine(at)));
     }
     if (stale) {
         struct looked found;
@@ -418,7 +423,7 @@ static double gap_of(const struct hdv_limits *own, const struct hdv_scene *scene
     double least = INFINITY;
     for (int64_t row = own->row + number * each; row < own->row + number * each + HDV_ROWS_PER_SIDE; row++)
         least = smaller(least, *program_row(program, i, row).h);
-    return least + scene->road[i].margin + own->clearance;
+    return least + scene->road[i].margin + wanted(own, scene, i);
 }
 
 /* Write the rows of a stage that may need some. */

@@ -143,11 +143,12 @@ def ready(
         msg = f"the road is {road.path.length:.1f} m long, shorter than the vehicle ({length:.1f} m)"
         raise RoadError(msg)
     stations = stations_of(road, vehicle, CentringTable.of(vehicle), step=settings.step, horizon=settings.horizon, bias=bias)
+    stations = stations.giving_way(settings)
     begin = start_of(stations, vehicle) if after is None else Start(after.z[-1], float(after.kappa[-1]))
     if not stationary and after is None:
         if not lies_beside(stations.path, vehicle, begin.z):
             begin = _arrived(road, vehicle, objective, make_workspace, settings, bias)
-        begin = kept_start(stations, vehicle, begin, settings.clearance - settings.give_way)
+        begin = kept_start(stations, vehicle, begin, settings.clearance - float(stations.points["give_way"][0]))
     goal = objective(stations, vehicle)
     return Ready(road, vehicle, settings, bias, stations, begin, goal, Planner(vehicle, stations, goal, settings, make_workspace))
 

@@ -59,6 +59,7 @@ def ready_legs(
     """Return what a drive of several legs begins with; see ``drive_legs``."""
     settings = replace(settings, discretisation=Discretisation.GAUSS)
     course = course_of(legs.legs, vehicle, step=settings.step, stages=settings.stages)
+    course = replace(course, stations=course.stations.giving_way(settings))
     goal = objective(course.stations, vehicle)
     if any(isinstance(term, EnvelopeBalance) for term in goal.terms):
         msg = "the objective that balances the swept envelope counts along one line, and cannot plan several legs"

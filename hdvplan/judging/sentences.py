@@ -42,8 +42,8 @@ def attempts_text(result: Result) -> str:
     ways = ["limits that give way"] * any(attempt.step == first.step for attempt in others) + [f"stations {steps} apart"] * bool(steps)
     least = min(result.attempts, key=lambda attempt: attempt.lacking)
     answer = "it fits" if least.lacking == 0.0 else f"{least.lacking:.3f} m are lacking at best"
-    elsewhere = ", which uses that elsewhere, too; --no-refine shows the first" if least.lacking > 0.0 and least.give_way > 0.0 else ""
-    again = f"planned again with {', and with '.join(ways)}, {answer}: that is the plan here{elsewhere}"
+    shown = "; --no-refine shows the first" if least.lacking > 0.0 and least.give_way > 0.0 else ""
+    again = f"planned again with {', and with '.join(ways)}, {answer}: that is the plan here{shown}"
     return f"the first plan lacks {first.lacking:.3f} m; {again}"
 
 

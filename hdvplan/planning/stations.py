@@ -15,6 +15,7 @@ from hdvplan import core
 from hdvplan.arrays import FloatArray, Records, running
 from hdvplan.centring.stationary import Centring, CentringTable
 from hdvplan.planning.bias import NONE, Bias, shifted
+from hdvplan.planning.settings import PlannerSettings
 from hdvplan.road.path import ReferencePath, evaluate_many
 from hdvplan.road.pieces import Pieces
 from hdvplan.road.regions import OPEN_M
@@ -56,6 +57,13 @@ class Stations:
     def curvature(self) -> FloatArray:
         """The road's curvature, (n,) [1/m]."""
         return self.points["curvature"]
+
+    def giving_way(self, settings: PlannerSettings) -> Stations:
+        """Return the stations with what limits give way by at each."""
+        points, s = self.points.copy(), self.s
+        most = [np.where((s >= first) & (s <= last), depth, 0.0) for first, last, depth in settings.give_way_on] or [np.inf]
+        points["give_way"] = np.minimum(settings.give_way, np.max(most, axis=0))
+        return replace(self, points=points)
 
     def ahead(self, values: FloatArray, by: float) -> FloatArray:
         """Return what ``values`` (n,) of the stations are ``by`` further along the line than each of them [m], between them linear."""

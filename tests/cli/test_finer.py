@@ -66,6 +66,23 @@ def test_limits_that_give_way_find_what_is_lacking_at_least(much: Result) -> Non
     assert "planned again with limits that give way, 0.2" in attempts_text(found)
 
 
+def test_limits_give_way_only_near_what_the_first_plan_breaks() -> None:
+    """The bus would rather drive astride the line, beyond the right edge of the whole road, than beside it."""
+    s, bend = np.array([0.0, 200.0]), np.array([0.0, 99.0, 100.0, 118.0, 119.0, 200.0])
+    road = Road("bend", from_curvature(bend, np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0]) / 12.0))
+    edges = [np.full(2, edge) for edge in (3.0, -1.1)]
+    bus = load_vehicle("bus")
+    first = hdvplan.plan(Case(road.within(Limits(s, *edges, *edges)), bus))
+    found = hdvplan.replanned(first)
+    assert verdict_of(found).spare == pytest.approx(-0.66, abs=0.02)
+    assert found.case.settings.give_way > 0.6
+    lengths = 2.0 * (bus.reach_ahead + bus.reach_behind)  # a body is near what is broken, or a length from there
+    start = min(breach.s_from for breach in first.balance.breaches) - lengths
+    end = max(breach.s_to for breach in first.balance.breaches) + lengths
+    assert 60.0 < start < end < 160.0
+    assert all(start < breach.s_from < breach.s_to < end for breach in found.balance.breaches)
+
+
 @pytest.mark.slow
 def test_a_clearance_gives_way_first(much: Result) -> None:
     """What is lacking with a clearance is what is lacking without, and the clearance."""

@@ -103,7 +103,7 @@ def test_a_broken_limit_ends_in_1_and_says_which_where_and_by_how_much(cli: Cli,
     lines = [line for line in outcome.err.splitlines() if not line.startswith("planning again")]  # how far it is, every ten seconds
     again, *notes, warning, first, hint = lines
     lacking = f"{deepest['depth_m']:.3f} m are lacking at best: that is the plan here"
-    assert again.endswith(f"{lacking}, which uses that elsewhere, too; --no-refine shows the first")  # its rows were nearly the whole road
+    assert again.endswith(f"{lacking}; --no-refine shows the first")
     assert warning.startswith("warning: too narrow for the tractor-trailer-24m from s = ")
     assert all(line.startswith("warning: the plan ") for line in notes)
     assert first == (

@@ -59,9 +59,9 @@ class Limits(Term):
         seen = Seen(np.zeros((count, vehicle.states + 2)), np.zeros((count, units, 2), EDGE))
         assert scene.stations.street is not None  # noqa: S101 - for the type checker: see limits_of
         street = scene.stations.street.record.copy()
-        street["clearance"] = clearance = settings.clearance - settings.give_way
+        street["clearance"] = settings.clearance - settings.give_way
         road, near = (scene.stations.path.record, street, behind), np.zeros(1, _NEAR)
-        own = (_furthest(vehicle), clearance, columns.row, rows.shape[1])
+        own = (_furthest(vehicle), settings.clearance, columns.row, rows.shape[1])
         data = np.array([(*map(core.address, road), *own, *map(core.address, (*seen, near)), 0.0)], _LIMITS)
         kept, memory = (*road, near, *scene.stations.street), tuple(by_stage(array) for array in seen)
         return LimitsPart(scene, _FUNCTIONS, data, rows, seen, kept=kept, memory=memory)
