@@ -46,6 +46,18 @@ class Patch:
     polygon: BaseGeometry
 
 
+class Beside(NamedTuple):
+    """A plan beside a part of its road's line."""
+
+    result: Result
+    s_from: float  # [m]
+    s_to: float  # [m]
+
+    def own(self, touches: Records) -> Records:
+        """Return those of the plan's touches that lie beside the part, (n,)."""
+        return touches[(touches["s"] >= self.s_from) & (touches["s"] < self.s_to)]
+
+
 def area_of(patches: Sequence[Patch]) -> float:
     """Return the area of patches together; what several cover counts once [m2]."""
     return float(shapely.union_all([patch.polygon for patch in patches]).area)
@@ -90,14 +102,22 @@ def around(result: Result, sides: Sequence[str], aside: float = 0.0) -> tuple[tu
 
     The clearance wanted counts as swept, and ``aside`` [m] more where a kerb moves.
     """
-    street, kerbs, patches = result.drive.road.bounds, [], []
+    return around_all([Beside(result, -np.inf, np.inf)], sides, aside)
+
+
+def around_all(plans: Sequence[Beside], sides: Sequence[str], aside: float = 0.0) -> tuple[tuple[Kerb, ...], tuple[Patch, ...]]:
+    """Return the kerbs moved out around what each of some plans of a road sweeps beside its own part of the line; see ``around``."""
+    result, kerbs, patches = plans[0].result, [], []
+    street, clearance = result.drive.road.bounds, result.case.settings.clearance
     assert street is not None  # noqa: S101 - for the type checker: the road has limits
-    clearance = result.case.settings.clearance
     beside = max(_BESIDE_M, *(unit.length for unit in result.case.vehicle.units))
     for kerb in street.kerbs:
         side, region = side_of(kerb), "drivable" if kerb.wheels or not street.two_regions else "sweepable"
-        stretches = _stretches(result.balance.touches[side, region], clearance, street, beside) if side in sides else []
-        parts = [_beside(result.drive, street, kerb, stretch, clearance + aside) for stretch in stretches]
+        parts = []
+        for plan in plans if side in sides else ():
+            stretches = _stretches(plan.own(plan.result.balance.touches[side, region]), clearance, street, beside)
+            cut = [(max(s_from, plan.s_from), min(s_to, plan.s_to)) for s_from, s_to in stretches]
+            parts += [_beside(plan.result.drive, street, kerb, stretch, clearance + aside) for stretch in cut]
         kerbs.append(street.replaced(kerb, [part for of_stretch in parts for part, _ in of_stretch]) if parts else kerb)
         whole = [patch for of_stretch in parts for patch in _joined([found for _, found in of_stretch])]
         patches += [replace(patch, side=side, region=region) for patch in whole]
@@ -150,7 +170,8 @@ def _strips(street: Street, kerb: Kerb, stretch: tuple[float, float], width: flo
         cuts = np.linspace(*stretch, count + 1).tolist()
         return [strip for one in itertools.pairwise(cuts) for strip in _strips(street, kerb, one, width)]
     far = np.concatenate([one.points for one in _moved(part, width, closed=False)])
-    return [_Strip(stretch, part, far, shapely.make_valid(shapely.Polygon(np.concatenate([part.points, far[::-1]]))))]
+    land = shapely.make_valid(shapely.Polygon(np.concatenate([part.points, far[::-1]])))
+    return [_Strip(stretch, part, far, land)] if land.area > _LEAST_M2 else []  # at an inner corner a stretch of line may have none
 
 
 def _joined(parts: Sequence[list[Patch]]) -> list[Patch]:
@@ -177,6 +198,8 @@ def _around(drive: Drive, strip: _Strip, aside: float) -> tuple[Kerb, list[Patch
     patches = [patch for patch in patches if patch.depth > KEPT_M]
     moved_over = shapely.union_all([patch.polygon for patch in patches]).buffer(_SEAM_M, join_style="mitre")
     left = max(shapely.get_parts(land.difference(moved_over)), key=shapely.area)
+    if left.is_empty:  # all of a short strip is swept: a wider one is looked at
+        return replace(part, points=far, s=np.linspace(*stretch, len(far))), patches
     ring = shapely.get_coordinates(shapely.orient_polygons(left, exterior_cw=not part.left).exterior)[:-1]
     first, last = (_on_end(ring, part.points[end], far[end]) for end in (0, -1))
     points = np.roll(ring, -first, axis=0)[: (last - first) % len(ring) + 1]

@@ -7,16 +7,21 @@ same for one side's kerbs alone; within a part of its widening, plans need less 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
+from hdvplan.arrays import FloatArray
 from hdvplan.case import Case
 from hdvplan.errors import HdvplanError
 from hdvplan.judging.clearance import SIDES
+from hdvplan.judging.envelope import SPACING_M
 from hdvplan.judging.result import Result
 from hdvplan.judging.verdict import verdict_of
-from hdvplan.need.land import Patch, area_of, around, moved, on_kerbs
+from hdvplan.need.land import Beside, Patch, area_of, around, around_all, moved, on_kerbs
 from hdvplan.need.search import ATTEMPTS, TOLERANCE_M, WIDE_M, Question, least, on_road, plans_of
 from hdvplan.progress import part_of
 from hdvplan.road.pieces import Kerb
@@ -25,6 +30,9 @@ _LAST = 2  # plans of a search for the least room that the one for the least are
 _ROUNDS = 8  # of making a widening smaller
 _LESS = 0.25  # of its depth that it is made smaller by
 _WORTH = 0.98  # of its area: what is less better ends them
+_PART_M = 1.0  # of the line, at least, for which one of several plans is chosen
+_SHARES = (0.0, 0.25, 1.0)  # of what lies between two plans that changing from one to the other may sweep
+_SLICES = 100  # of a patch along the line
 _ASIDE_M = (0.0, 0.01, 0.03)  # of room around what is swept
 
 
@@ -83,17 +91,73 @@ def least_widenings(
         return Widenings(None, None, fitting)
     ways = [tuple(sides), *((side,) for side in sides if len(sides) > 1)]  # where one side's kerbs stay it may be less area
     kept: list[Widening | None] = []
+    made: list[Result] = []
     for number, way in enumerate(ways):
         question = Question(partial(moved, road, way), way, TOLERANCE_M, (1.0, 4.0, WIDE_M))
         enough = _enough(case, question, plans, part_of(on_progress, number / len(ways), (number + 1) / len(ways)))
+        begun = (*enough[:1], *enough[1:][-_LAST:])
+        made += begun
         if enough:
-            kept.append(_kept(case, way, _smallest(case, question, (*enough[:1], *enough[1:][-_LAST:]))))
+            kept.append(_kept(case, way, _smallest(case, question, begun)))
         if enough and number == 0:
             kept.append(_kept(case, way, min(enough, key=lambda plan: question.needed(plan, 0.0))))
     found = [one for one in kept if one is not None]
+    if len(ways) > 1 and found and not road.path.closed:
+        mixed = _mixed(case, sides, [*made, *(one.result for one in found)])
+        found += [] if mixed is None else [mixed]
     if not found:
         return Widenings(None, None, None)
     return Widenings(min(found, key=lambda one: one.area), min(found, key=lambda one: one.depth), None)
+
+
+def _mixed(case: Case, sides: Sequence[str], plans: Sequence[Result]) -> Widening | None:
+    """Return a widening that is made of what the cheapest of several plans needs, part by part of the line, if one is found.
+
+    At one bend it may be the left kerbs that move for the least area, at the next one the right.
+    """
+    question = Question(partial(moved, case.road, sides), tuple(sides), TOLERANCE_M, (WIDE_M,))
+    made = itertools.chain.from_iterable(_plans(case, around_all(cheapest, sides)[0]) for cheapest in _cheapest(plans, sides))
+    usable = [plan for plan in made if question.needed(plan, 0.0) < WIDE_M]
+    return _kept(case, sides, _smallest(case, question, usable)) if usable else None
+
+
+def _cheapest(plans: Sequence[Result], sides: Sequence[str]) -> Iterator[list[Beside]]:
+    """Yield ways along the line by one of several plans after the other that sweep least beyond the kerbs.
+
+    From one to another they are apart: a share of that is swept over a vehicle's length in between, how much is not known.
+    """
+    envelopes, every = [plan.envelope for plan in plans], round(_PART_M / SPACING_M)
+    s, length = envelopes[0].s[::every], sum(unit.length for unit in plans[0].case.vehicle.units)
+    reach = np.array([[envelope.reach_left[::every], envelope.reach_right[::every]] for envelope in envelopes])
+    apart = length * np.max(np.abs(reach[:, None] - reach), axis=2)  # (plans, plans, stations) [m2]
+    swept = np.array([_along(around(plan, sides)[1], s) for plan in plans])
+    for share in _SHARES:
+        chosen = cheapest_way(swept, share * apart)
+        runs = [0, *(np.flatnonzero(np.diff(chosen)) + 1).tolist()]
+        ends = [-np.inf, *s[runs[1:]].tolist(), np.inf]
+        yield [Beside(plans[chosen[run]], *part) for run, part in zip(runs, itertools.pairwise(ends), strict=True)]
+
+
+def cheapest_way(costs: FloatArray, changes: FloatArray) -> list[int]:
+    """Return the choice at every station with which ``costs`` (n, stations) and those of changes (n, n, stations) add up to least."""
+    least, onwards = np.zeros(len(costs)), np.zeros(costs.shape, np.intp)
+    for at in reversed(range(costs.shape[1])):
+        ways = changes[:, :, at] + least
+        onwards[:, at] = np.argmin(ways, axis=1)
+        least = costs[:, at] + np.min(ways, axis=1)
+    chosen = [int(np.argmin(least))]
+    for at in range(costs.shape[1] - 1):
+        chosen.append(int(onwards[chosen[-1], at]))
+    return chosen
+
+
+def _along(patches: Sequence[Patch], s: FloatArray) -> FloatArray:
+    """Return the area of patches beside every station of the line, evenly over their lengths, (n,) [m2]."""
+    area = np.zeros(len(s))
+    for patch in patches:
+        beside = np.clip(np.searchsorted(s, np.linspace(patch.s_from, patch.s_to, _SLICES)), 0, len(s) - 1)
+        np.add.at(area, beside, patch.polygon.area / _SLICES)
+    return area
 
 
 def _enough(case: Case, question: Question, known: Sequence[Result], on_progress: Callable[[float], None] | None) -> list[Result]:

@@ -16,7 +16,7 @@ from hdvplan.judging.verdict import verdict_of
 from hdvplan.need.answer import Need, edge_need_of, need_of
 from hdvplan.need.land import around, moved, on_kerbs
 from hdvplan.need.search import Least, kerbs_on, on_road, spare_of
-from hdvplan.need.widening import Widening, Widenings, least_widenings, own_plans
+from hdvplan.need.widening import Widening, Widenings, cheapest_way, least_widenings, own_plans
 from hdvplan.report.needs import need_json, need_lines, shown_plan
 from hdvplan.road.limits import Limits
 from hdvplan.road.line import Line, RawRoad, smoothed
@@ -282,3 +282,24 @@ def test_a_union_that_rounding_defeats_is_made_on_a_grid_of_a_micrometre(monkeyp
 
     monkeypatch.setattr(shapely, "union_all", fragile)
     assert united([shapely.box(0.0, 0.0, 2.0, 1.0), shapely.box(1.0, 0.0, 3.0, 1.0)]).area == pytest.approx(3.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(("change", "chosen"), [(1.0, [0, 0, 1, 1]), (3.0, [1, 1, 1, 1])])
+def test_the_cheapest_way_changes_plans_where_that_costs_less_than_it_saves(change: float, chosen: list[int]) -> None:
+    costs = np.array([[0.0, 0.0, 3.0, 3.0], [1.0, 1.0, 0.0, 0.0]])
+    changes = np.repeat(change * (1.0 - np.eye(2))[:, :, None], 4, axis=2)
+    assert cheapest_way(costs, changes) == chosen
+
+
+@pytest.mark.slow
+def test_the_inner_kerb_of_every_bend_moves_where_that_is_the_least_area() -> None:
+    """Two corners, one to the left and one to the right; kerbs of both sides at both, or of one at both, take more than twice as much."""
+    points = np.array([[0.0, 0.0], [50.0, 0.0], [50.0, 40.0], [100.0, 40.0]])
+    road, _ = smoothed(Line("corners", RawRoad(points), RoadOptions(max_curvature=0.9 * BUS.max_curvature)))
+    case = Case(road.with_limits(3.0, 3.0), BUS)
+    widening = least_widenings(case, own_plans(case)).area
+    assert widening is not None
+    assert verdict_of(widening.then).fits is True
+    deep = [patch for patch in widening.patches if patch.depth > 0.5]
+    assert [patch.side for patch in deep] == ["left", "right"]
+    assert [patch.polygon.area for patch in deep] == pytest.approx([2.9, 2.9], abs=0.4)  # one such corner alone needs 2.8 m2
