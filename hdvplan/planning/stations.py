@@ -61,7 +61,9 @@ class Stations:
     def giving_way(self, settings: PlannerSettings) -> Stations:
         """Return the stations with what limits give way by at each."""
         points, s = self.points.copy(), self.s
-        most = [np.where((s >= first) & (s <= last), depth, 0.0) for first, last, depth in settings.give_way_on] or [np.inf]
+        most = [np.where((s >= first) & (s <= last), depth, 0.0) for first, last, depth in settings.give_way_on] or [
+            np.full(len(s), np.inf)
+        ]
         points["give_way"] = np.minimum(settings.give_way, np.max(most, axis=0))
         return replace(self, points=points)
 
