@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,13 @@ _PART_M = 1.0  # of the line, at least, for which one of several plans is chosen
 _SHARES = (0.0, 0.25, 1.0)  # of what lies between two plans that changing from one to the other may sweep
 _SLICES = 100  # of a patch along the line
 _ASIDE_M = (0.0, 0.01, 0.03)  # of room around what is swept
+
+
+class Swept(NamedTuple):
+    """A plan of a street, and what it sweeps beyond the kerbs."""
+
+    plan: Result
+    patches: tuple[Patch, ...]
 
 
 @dataclass(frozen=True)
@@ -91,11 +99,11 @@ def least_widenings(
         return Widenings(None, None, fitting)
     ways = [tuple(sides), *((side,) for side in sides if len(sides) > 1)]  # where one side's kerbs stay it may be less area
     kept: list[Widening | None] = []
-    made: list[Result] = []
+    made: list[Swept] = []
     for number, way in enumerate(ways):
         question = Question(partial(moved, road, way), way, TOLERANCE_M, (1.0, 4.0, WIDE_M))
         enough = _enough(case, question, plans, part_of(on_progress, number / len(ways), (number + 1) / len(ways)))
-        begun = (*enough[:1], *enough[1:][-_LAST:])
+        begun = _swept((*enough[:1], *enough[1:][-_LAST:]), way)
         made += begun
         if enough:
             kept.append(_kept(case, way, _smallest(case, question, begun)))
@@ -103,39 +111,43 @@ def least_widenings(
             kept.append(_kept(case, way, min(enough, key=lambda plan: question.needed(plan, 0.0))))
     found = [one for one in kept if one is not None]
     if len(ways) > 1 and found and not road.path.closed:
-        mixed = _mixed(case, sides, [*made, *(one.result for one in found)])
+        mixed = _mixed(case, sides, [*made, *(Swept(one.result, one.patches) for one in found)])
         found += [] if mixed is None else [mixed]
     if not found:
         return Widenings(None, None, None)
     return Widenings(min(found, key=lambda one: one.area), min(found, key=lambda one: one.depth), None)
 
 
-def _mixed(case: Case, sides: Sequence[str], plans: Sequence[Result]) -> Widening | None:
+def _swept(plans: Iterable[Result], sides: Sequence[str]) -> list[Swept]:
+    return [Swept(plan, around(plan, sides)[1]) for plan in plans]
+
+
+def _mixed(case: Case, sides: Sequence[str], plans: Sequence[Swept]) -> Widening | None:
     """Return a widening that is made of what the cheapest of several plans needs, part by part of the line, if one is found.
 
     At one bend it may be the left kerbs that move for the least area, at the next one the right.
     """
     question = Question(partial(moved, case.road, sides), tuple(sides), TOLERANCE_M, (WIDE_M,))
-    made = itertools.chain.from_iterable(_plans(case, around_all(cheapest, sides)[0]) for cheapest in _cheapest(plans, sides))
-    usable = [plan for plan in made if question.needed(plan, 0.0) < WIDE_M]
+    made = itertools.chain.from_iterable(_plans(case, around_all(cheapest, sides)[0]) for cheapest in _cheapest(plans))
+    usable = _swept((plan for plan in made if question.needed(plan, 0.0) < WIDE_M), sides)
     return _kept(case, sides, _smallest(case, question, usable)) if usable else None
 
 
-def _cheapest(plans: Sequence[Result], sides: Sequence[str]) -> Iterator[list[Beside]]:
+def _cheapest(plans: Sequence[Swept]) -> Iterator[list[Beside]]:
     """Yield ways along the line by one of several plans after the other that sweep least beyond the kerbs.
 
     From one to another they are apart: a share of that is swept over a vehicle's length in between, how much is not known.
     """
-    envelopes, every = [plan.envelope for plan in plans], round(_PART_M / SPACING_M)
-    s, length = envelopes[0].s[::every], sum(unit.length for unit in plans[0].case.vehicle.units)
+    envelopes, every = [one.plan.envelope for one in plans], round(_PART_M / SPACING_M)
+    s, length = envelopes[0].s[::every], sum(unit.length for unit in plans[0].plan.case.vehicle.units)
     reach = np.array([[envelope.reach_left[::every], envelope.reach_right[::every]] for envelope in envelopes])
     apart = length * np.max(np.abs(reach[:, None] - reach), axis=2)  # (plans, plans, stations) [m2]
-    swept = np.array([_along(around(plan, sides)[1], s) for plan in plans])
+    swept = np.array([_along(one.patches, s) for one in plans])
     for share in _SHARES:
         chosen = cheapest_way(swept, share * apart)
         runs = [0, *(np.flatnonzero(np.diff(chosen)) + 1).tolist()]
         ends = [-np.inf, *s[runs[1:]].tolist(), np.inf]
-        yield [Beside(plans[chosen[run]], *part) for run, part in zip(runs, itertools.pairwise(ends), strict=True)]
+        yield [Beside(plans[chosen[run]].plan, *part) for run, part in zip(runs, itertools.pairwise(ends), strict=True)]
 
 
 def cheapest_way(costs: FloatArray, changes: FloatArray) -> list[int]:
@@ -167,9 +179,9 @@ def _enough(case: Case, question: Question, known: Sequence[Result], on_progress
     return [plan for plan in plans if question.needed(plan, 0.0) < WIDE_M]
 
 
-def _smallest(case: Case, question: Question, plans: Sequence[Result]) -> Result:
+def _smallest(case: Case, question: Question, plans: Sequence[Swept]) -> Result:
     """Return the plan that needs the least area, of ``plans`` and those that are made within a part of what the best one needs."""
-    area, best = min(((area_of(around(plan, question.sides)[1]), plan) for plan in plans), key=lambda one: one[0])
+    area, best = min(((area_of(one.patches), one.plan) for one in plans), key=lambda one: one[0])
     for _ in range(_ROUNDS):
         kerbs, _ = around(best, question.sides, -_LESS * question.needed(best, 0.0))
         for plan in _plans(case, kerbs):

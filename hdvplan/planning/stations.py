@@ -29,6 +29,7 @@ ROOM_M = 10.0  # table beyond the vehicle's ends, for bodies that stand askew
 _STRAIGHT = 1.15  # road beside a body is at most so many times as long where the road is nearly straight
 _CHORD_M = 1.5e-3  # of kerbs, which are polygons to 1 mm, and of rows that follow a motion
 _SLACK_M = 1.0  # of rounding to the grid, and of corners of a body askew
+_EVERYWHERE = (-np.inf, np.inf, np.inf)  # limits give way there by as much as they do
 _STRETCH = 1.25  # a body point moves at most this much further than the lead axle's station, along the road
 
 
@@ -61,9 +62,7 @@ class Stations:
     def giving_way(self, settings: PlannerSettings) -> Stations:
         """Return the stations with what limits give way by at each."""
         points, s = self.points.copy(), self.s
-        most = [np.where((s >= first) & (s <= last), depth, 0.0) for first, last, depth in settings.give_way_on] or [
-            np.full(len(s), np.inf)
-        ]
+        most = [np.where((s >= first) & (s <= last), depth, 0.0) for first, last, depth in settings.give_way_on or (_EVERYWHERE,)]
         points["give_way"] = np.minimum(settings.give_way, np.max(most, axis=0))
         return replace(self, points=points)
 

@@ -42,6 +42,7 @@ from hdvplan.road.road import Road
 _ABREAST = 2  # enlargements beside each other
 _LABELS_APART_M = 8.0
 _MOST_DEPTHS = 4  # written into one map, and as many of obstacles
+_TOLD_M2 = 0.05  # of a widening: a smaller one has no label beside a larger one
 _LETTER_M, _LETTER_PT = 7.0, 25.0  # of a letter, from the edge that it is written beside: room on the map, and its distance
 _BEYOND_M = 40.0  # the road goes on beyond an enlarged stretch, as far as the map shows
 _TALL = 1.25  # height over width from which a road's overview stands beside its enlargements
@@ -186,9 +187,10 @@ def _range(patch: Drawn) -> tuple[float, float]:
 
 
 def _write_widening(axes: Axes, shown: Result, patches: Sequence[Drawn], window: Window, taken: list[BaseGeometry]) -> None:
+    least = min(_TOLD_M2, max((patch.geometry.area for patch in patches), default=0.0))
     for patch in patches:
         begin, end = _range(patch)
-        if end >= window.s_from and begin <= window.s_to:
+        if end >= window.s_from and begin <= window.s_to and patch.geometry.area >= least:
             text = f"{patch.properties['depth_m']:.2f} m, {patch.geometry.area:.1f} m²"
             outwards = outwards_at(shown, float(patch.properties["s_m"] or 0.0), str(patch.properties["side"]))
             write_beside(axes, text, shapely.get_coordinates(shapely.point_on_surface(patch.geometry))[0], outwards, taken, BREACH)
