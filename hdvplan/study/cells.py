@@ -18,7 +18,7 @@ from hdvplan.study.spec import Setup, Study, Width
 
 Row = dict[str, object]  # of a table, by its columns
 Smoothed = tuple[RoadSource, RoadOptions]  # what tells one smoothed road from another
-SETTINGS = tuple(field.name for field in fields(PlannerSettings) if field.name != "scheme")
+SETTINGS = tuple(field.name for field in fields(PlannerSettings) if field.name not in {"scheme", "give_way_on"})  # of which studies vary
 
 TIGHTEST, BREACH, DEAD_END, WIDENING = "tightest", "breach", "no plan", "widening"  # where on a road something decides
 TEXT, NUMBER, COUNT, TRUTH, SHAPE = "text", "number", "count", "truth", "shape"
