@@ -180,7 +180,7 @@ def replanned(result: Result, *, on_progress: Callable[[float], None] | None = N
 def _others(result: Result, least: float) -> Iterator[Result]:
     """Make other plans of a case whose first plan lacks ``least`` [m]."""
     settings, none = result.case.settings, 0.0  # none: no plan is known that lacks only that much
-    where = tuple(_given_up(result))
+    where = _given_up(result)
     while least > max(KEPT_M, none + KEPT_M):
         give_way = 0.5 * (none + least)
         giving = replace(settings, give_way=give_way, give_way_on=where, rti_repairs=_REPAIRS * settings.rti_repairs)
@@ -198,15 +198,20 @@ def _others(result: Result, least: float) -> Iterator[Result]:
         least = min(least, _attempt(found).lacking)
 
 
-def _given_up(result: Result) -> Iterator[tuple[float, float, float]]:
-    """Tell where limits give way, and by how much at most: near what the first plan breaks, or a length from there, by as much as that.
+def _given_up(result: Result) -> tuple[tuple[float, float, float], ...]:
+    """Return where limits give way, and by how much at most: near what the first plan breaks, or a length from there, by as much as that.
 
     It makes the sum of breaches least: no more than its deepest is needed there.
     """
-    vehicle = result.case.vehicle
+    vehicle, given = result.case.vehicle, list[tuple[float, float, float]]()
     ahead, behind = 2.0 * vehicle.reach_ahead + vehicle.reach_behind, vehicle.reach_ahead + 2.0 * vehicle.reach_behind
     for breach in result.balance.breaches:
-        yield breach.s_from - ahead, breach.s_to + behind, breach.depth
+        begin, end, depth = breach.s_from - ahead, breach.s_to + behind, breach.depth
+        if given and begin < given[-1][1]:  # what is gained at one place is lost at the other
+            first, last, deepest = given.pop()
+            begin, end, depth = first, max(last, end), max(deepest, depth)
+        given.append((begin, end, depth))
+    return tuple(given)
 
 
 def _attempt(result: Result) -> Attempt:

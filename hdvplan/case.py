@@ -195,8 +195,9 @@ def _content(value: object) -> object:
 
 
 def settings_json(settings: PlannerSettings) -> Json:
-    """Return settings for readers: numbers and words."""
-    return {name: str(value) if isinstance(value, str) else value for name, value in asdict(settings).items()}
+    """Return settings for readers: numbers, words and lists of numbers."""
+    told: Json = json.loads(json.dumps(asdict(settings)))
+    return told
 
 
 def _bias(bias: Bias) -> float | Json:

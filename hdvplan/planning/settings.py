@@ -158,7 +158,8 @@ class PlannerSettings:
         float, Setting("Length l within which the driver returns to the path: directions are at most E / l off [m].", "M", least=1.0)
     ] = field(default=6.0, metadata={"decides": False})
     give_way: Annotated[float, NOT_NEGATIVE] = 0.0  #: by which limits and obstacles give way to plans, never to the judge [m]
-    give_way_on: tuple[tuple[float, float, float], ...] = ()  #: from, to which s of the lead axle, how much at most [m]; (): everywhere
+    #: from and to which s of the lead axle they do, and by how much at most [m]; () everywhere. It follows from the plan that they are for
+    give_way_on: tuple[tuple[float, float, float], ...] = field(default=(), metadata={"decides": False})
     elastic_weight: Annotated[float, POSITIVE] = 1e4  #: exact penalty on a limit's violation [1/m]; above any multiplier seen
     elastic_growth: Annotated[float, NOT_NEGATIVE] = 1e5  #: growth of the price [1/m^2]: many shallow violations, no deep one
     overhang_cost: Annotated[float, NOT_NEGATIVE] = 1.0  #: weight of an overhang's squared reach beyond the wheels' limit
