@@ -98,11 +98,12 @@ def least_widenings(
     if fitting is not None:
         return Widenings(None, None, fitting)
     ways = [tuple(sides), *((side,) for side in sides if len(sides) > 1)]  # where one side's kerbs stay it may be less area
+    parts = len(ways) + (len(ways) > 1)  # and what is mixed of them
     kept: list[Widening | None] = []
     made: list[Swept] = []
     for number, way in enumerate(ways):
         question = Question(partial(moved, road, way), way, TOLERANCE_M, (1.0, 4.0, WIDE_M))
-        enough = _enough(case, question, plans, part_of(on_progress, number / len(ways), (number + 1) / len(ways)))
+        enough = _enough(case, question, plans, part_of(on_progress, number / parts, (number + 1) / parts))
         begun = _swept((*enough[:1], *enough[1:][-_LAST:]), way)
         made += begun
         if enough:
