@@ -199,18 +199,22 @@ def _others(result: Result, least: float) -> Iterator[Result]:
 
 
 def _given_up(result: Result) -> tuple[tuple[float, float, float], ...]:
-    """Return where limits give way, and by how much at most: near what the first plan breaks, or a length from there, by as much as that.
+    """Return where limits give way, and by how much at most: near where the first plan lacks room, or a length from there, by as much.
 
-    It makes the sum of breaches least: no more than its deepest is needed there.
+    It makes the sum of what is lacking least: no more than the deepest is needed there.
     """
-    vehicle, given = result.case.vehicle, list[tuple[float, float, float]]()
+    vehicle, wanted = result.case.vehicle, result.case.settings.clearance
     ahead, behind = 2.0 * vehicle.reach_ahead + vehicle.reach_behind, vehicle.reach_ahead + 2.0 * vehicle.reach_behind
-    for breach in result.balance.breaches:
-        begin, end, depth = breach.s_from - ahead, breach.s_to + behind, breach.depth
+    places = [(near.s_from, near.s_to, wanted - near.distance) for near in result.approaches]
+    for touches in result.balance.touches.values():
+        places += [(float(s), float(s), wanted - float(gap)) for s, gap in zip(touches["s"].flat, touches["gap"].flat, strict=True)]
+    given: list[tuple[float, float, float]] = []
+    for first, last, lacking in sorted(place for place in places if place[2] > KEPT_M):
+        begin, end, most = first - ahead, last + behind, lacking
         if given and begin < given[-1][1]:  # what is gained at one place is lost at the other
-            first, last, deepest = given.pop()
-            begin, end, depth = first, max(last, end), max(deepest, depth)
-        given.append((begin, end, depth))
+            before = given.pop()
+            begin, end, most = before[0], max(before[1], end), max(before[2], most)
+        given.append((begin, end, most))
     return tuple(given)
 
 
