@@ -240,5 +240,5 @@ def how_ranked(accuracy: float | None = None) -> str:
     return (
         f"step: geometric mean, shifted by {SHIFT_MS:g} ms, of processor time over the accepted steps, each with its fastest round; "
         "x best: the same over the steps that both did; won: share of steps in which the solver was fastest of those with all steps "
-        f"accepted; accepted: {rule}"
+        f"accepted; accepted: {rule}, as a share of all, also of those not reached in time"
     )
