@@ -15,6 +15,7 @@ from hdvplan.driving.followed import Followed, followed
 from hdvplan.driving.given import DENSE_M, GivenPath
 from hdvplan.errors import HdvplanError, PlanError, RoadError
 from hdvplan.judging.balance import KEPT_M
+from hdvplan.judging.clearance import rooms_beside
 from hdvplan.judging.result import Attempt, Result, result_of
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.passing.sides import choose_sides
@@ -28,6 +29,8 @@ from hdvplan.solvers.registry import SolverClass, SolverMaker, dependable, solve
 
 _GAP_M = 15.0  # between points of a path that turns there; of a recorded track one is kept every 5 to 10 m
 _CASE = "hdvplan.Case(road, vehicle) is one, of loaded roads and vehicles"
+_DEEP = 0.1  # of the deepest that a plan lacks, above which limits give way there
+_GAIN, _GAINS = 0.05, 0.3  # metres per metre between stations that limits give less way to a finer plan; lacking most that it is tried
 _SHARE = 0.25  # of what was to be gained that a plan may miss and counts as found: what gives way is kept to some centimetres only
 _REPAIRS = 3  # times as many as of a first plan: with as many, a long vehicle may lack 3 cm where 1.5 do
 _DIVISORS = (2, 5)  # of the distance of stations: whole numbers, so that horizon and replanning distance remain multiples of it
@@ -159,9 +162,10 @@ def replanned(result: Result, *, on_progress: Callable[[float], None] | None = N
 
     Each lists in ``attempts`` what was tried. The others are planned with limits that give way: a plan that cannot keep its street makes
     the sum of its breaches least, not the deepest one; with limits that give way by some metres it lacks no more than these anywhere.
-    Halving finds the fewest. Then, unless a proof says that nothing fits, stations lie nearer together, until one fits or too much is
-    lacking for that: from one to the next a plan holds its curvature. All are judged by the limits as they are. ``on_progress`` receives
-    the share of the attempts that are made, 0 to 1.
+    Halving finds the fewest. Where some centimetres are lacking, limits give way by a little less to a plan with stations half as far
+    apart: from one to the next a plan holds its curvature. Then, unless a proof says that nothing fits, stations lie nearer together
+    until one fits or too much is lacking for that. All are judged by the limits as they are. ``on_progress`` receives the share of the
+    attempts that are made, 0 to 1.
     """
     if verdict_of(result).fits is not False:
         return result
@@ -189,6 +193,12 @@ def _others(result: Result, least: float) -> Iterator[Result]:
         lacking = _attempt(found).lacking
         missed = lacking > give_way + _SHARE * (least - give_way)
         least, none = min(least, lacking), give_way if missed else none
+    finer = _divided(settings, _DIVISORS[0])
+    if finer is not None and _WORTH * settings.step < least <= _GAINS * settings.step:
+        giving = replace(finer, give_way=least - _GAIN * settings.step, give_way_on=where, rti_repairs=_REPAIRS * settings.rti_repairs)
+        found = plan(replace(result.case, settings=giving))
+        yield found
+        least = min(least, _attempt(found).lacking)
     for divisor in () if result.proof else _DIVISORS:
         finer = _divided(settings, divisor)
         if finer is None or not 0.0 < least <= _WORTH * settings.step:
@@ -201,16 +211,20 @@ def _others(result: Result, least: float) -> Iterator[Result]:
 def _given_up(result: Result) -> tuple[tuple[float, float, float], ...]:
     """Return where limits give way, and by how much at most: near where the first plan lacks room, or a length from there, by as much.
 
-    It makes the sum of what is lacking least: no more than the deepest is needed there.
+    It makes the sum of what is lacking least: no more than the deepest is needed there. Shallow places do not count: where nothing can
+    fit, the plan has not settled elsewhere either.
     """
     vehicle, wanted = result.case.vehicle, result.case.settings.clearance
     ahead, behind = 2.0 * vehicle.reach_ahead + vehicle.reach_behind, vehicle.reach_ahead + 2.0 * vehicle.reach_behind
-    places = [(near.s_from, near.s_to, wanted - near.distance) for near in result.approaches]
+    places = [(near.s, wanted - near.distance) for near in result.approaches]
     for touches in result.balance.touches.values():
-        places += [(float(s), float(s), wanted - float(gap)) for s, gap in zip(touches["s"].flat, touches["gap"].flat, strict=True)]
+        places += [(float(s), wanted - float(gap)) for s, gap in zip(touches["s"].flat, touches["gap"].flat, strict=True)]
+    rooms = rooms_beside(result.drive, result.envelope.s)
+    places += [(float(s), wanted - float(room)) for s, room in zip(result.envelope.s, rooms, strict=True)]
     given: list[tuple[float, float, float]] = []
-    for first, last, lacking in sorted(place for place in places if place[2] > KEPT_M):
-        begin, end, most = first - ahead, last + behind, lacking
+    counts = max(KEPT_M, _DEEP * max((lacking for _, lacking in places), default=0.0))
+    for s, lacking in sorted(place for place in places if place[1] > counts):
+        begin, end, most = s - ahead, s + behind, lacking
         if given and begin < given[-1][1]:  # what is gained at one place is lost at the other
             before = given.pop()
             begin, end, most = before[0], max(before[1], end), max(before[2], most)

@@ -56,3 +56,10 @@ def test_a_street_narrower_than_the_vehicle_lacks_no_more_than_following_a_known
     found = answers(name, -0.1, range(4))
     assert max(found) < -KEPT_M  # never YES
     assert min(found) >= -0.12  # following the drive lacks 10 cm
+
+
+@pytest.mark.slow
+def test_nearer_stations_find_a_plan_that_lacks_a_centimetre_less() -> None:
+    """With stations 0.5 m apart the plan lacks 12.3 cm."""
+    (lacking,) = answers("articulated-bus", -0.1, range(4, 5))
+    assert lacking >= -0.11

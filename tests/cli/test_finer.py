@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 import hdvplan
 from hdvplan.case import Case
@@ -18,6 +19,7 @@ from hdvplan.judging.sentences import attempts_text
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
+from hdvplan.road.regions import Kind, Region
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
@@ -81,6 +83,21 @@ def test_limits_give_way_only_near_what_the_first_plan_breaks() -> None:
     end = max(breach.s_to for breach in first.balance.breaches) + lengths
     assert 60.0 < start < end < 160.0
     assert all(start < breach.s_from < breach.s_to < end for breach in found.balance.breaches)
+
+
+def test_limits_give_way_only_where_the_first_plan_is_far_beyond_them() -> None:
+    """Too narrow in its bend, the first plan does not settle: it enters what stands along the straight before it, too, by 2 cm."""
+    bend = np.array([0.0, 60.0, 61.0, 86.0, 87.0, 150.0])
+    road = Road("bend", from_curvature(bend, np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0]) / 25.0))
+    s, edges = np.array([0.0, 150.0]), [np.full(2, edge) for edge in (3.0, -3.0)]
+    along = road.path.at(np.arange(0.0, 150.0, 0.5))
+    line = shapely.LineString(np.column_stack([along.x, along.y]))
+    other = Region(Kind.OBSTACLE, shapely.difference(line.buffer(3.0, single_sided=True), line.buffer(0.4)), "another bus")
+    first = hdvplan.plan(Case(replace(road.within(Limits(s, *edges, *edges)), regions=(other,)), load_vehicle("bus")))
+    assert min(near.s_from for near in first.approaches) < 20.0
+    found = hdvplan.replanned(first)
+    assert verdict_of(found).spare == pytest.approx(-0.31, abs=0.02)
+    assert min(breach.s_from for breach in found.balance.breaches) > 40.0
 
 
 @pytest.mark.slow
