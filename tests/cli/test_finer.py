@@ -19,7 +19,7 @@ from hdvplan.judging.sentences import attempts_text
 from hdvplan.judging.verdict import verdict_of
 from hdvplan.road.limits import Limits
 from hdvplan.road.path import from_curvature
-from hdvplan.road.regions import Kind, Region
+from hdvplan.road.regions import Kind, Region, polygons_of
 from hdvplan.road.road import Road
 from hdvplan.vehicle.load import load_vehicle
 from tests.cli.conftest import Cli
@@ -92,7 +92,8 @@ def test_limits_give_way_only_where_the_first_plan_is_far_beyond_them() -> None:
     s, edges = np.array([0.0, 150.0]), [np.full(2, edge) for edge in (3.0, -3.0)]
     along = road.path.at(np.arange(0.0, 150.0, 0.5))
     line = shapely.LineString(np.column_stack([along.x, along.y]))
-    other = Region(Kind.OBSTACLE, shapely.difference(line.buffer(3.0, single_sided=True), line.buffer(0.4)), "another bus")
+    (swept,) = polygons_of(shapely.difference(line.buffer(3.0, single_sided=True), line.buffer(0.4)))
+    other = Region(Kind.OBSTACLE, swept, "another bus")
     first = hdvplan.plan(Case(replace(road.within(Limits(s, *edges, *edges)), regions=(other,)), load_vehicle("bus")))
     assert min(near.s_from for near in first.approaches) < 20.0
     found = hdvplan.replanned(first)
