@@ -110,6 +110,11 @@ def test_every_counter_is_watched(change: Change, counters: set[str]) -> None:
     assert comparison.verdict is GateVerdict.REGRESSED
 
 
+def test_an_envelope_that_moved_alone_is_told_apart_from_counters() -> None:
+    comparison = held(side(), side(change=lambda m: swept(m, max_left=2.0002)))
+    assert verdict_line(comparison, Rule()).startswith("regressed: the envelope alone changed in 1 cell")
+
+
 def test_an_envelope_that_moved_by_less_than_the_tolerance_is_the_same() -> None:
     new = side(change=lambda m: swept(m, max_left=2.00005))
     assert not held(side(), new).changes  # 0.05 mm of 0.1 mm

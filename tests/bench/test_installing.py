@@ -80,6 +80,13 @@ def test_both_sides_have_bytecode_where_the_users_shell_forbids_to_write_any(
     assert len(list(tmp_path.glob("__pycache__/ours.*.pyc"))) == (not forbidden)
 
 
+def test_a_command_that_fails_says_where_to_start_it_by_hand(tmp_path: Path) -> None:
+    program = Program("ours", Path(sys.executable), folder=tmp_path)
+    with scratch_folder() as scratch, pytest.raises(ProgramError, match="ours ended with 3") as caught:
+        program.finish(program.start([sys.executable, "-c", "raise SystemExit(3)"], scratch, Home(tmp_path / "home")))
+    assert caught.value.hint == f"start it yourself with {sys.executable} in {tmp_path}"
+
+
 def test_the_times_that_a_command_printed_are_not_its_last_words() -> None:
     assert Ended(1, 'no licence\n{"cells": {}}\n', "").words == "no licence"
     assert Ended(1, '{"cells": {}}\n', "").words == "nothing"

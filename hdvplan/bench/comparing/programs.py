@@ -107,7 +107,8 @@ class Program:
         if ended.code != 0:
             msg = f"{self.name} ended with {ended.how} and says: {ended.words}"
             missing = "is its name right? --extras NAME installs an extra of the project, too"
-            hint = missing if "No module named" in ended.words else "run it there alone"
+            alone = f"start it yourself with {self.python}{'' if self.folder is None else f' in {self.folder}'}"
+            hint = missing if "No module named" in ended.words else alone
             raise ProgramError(msg, tail=ended.tail, code=ended.code, hint=hint)
         return ended
 

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hdvplan.bench.comparing.compare import Comparison, Entry
-from hdvplan.bench.comparing.counters import IN_STEPS, WORK_TOLERANCE, Change
+from hdvplan.bench.comparing.counters import IN_STEPS, LENGTHS, WORK_TOLERANCE, Change
 from hdvplan.bench.comparing.decision import FEWEST, FEWEST_PAIRS, GateVerdict, Rule
 from hdvplan.bench.suite import KEY, cell_words
 from hdvplan.report.grid import grid, markdown_table
@@ -105,8 +105,10 @@ def _changed_parts(changes: Sequence[Change]) -> list[str]:
     if work := [change for change in changes if change.counter == "steps"]:
         first = work[0]
         parts.append(f"other work: {cell_words(first.cell)} takes {first.new} steps, not {first.base}{_and_more(work)}")
-    others = len({change.cell for change in changes if change.counter != "cell"} - {change.cell for change in work})
-    parts += [f"counters changed in {counted(others, 'cell')}"] if others else []
+    swept = {change.cell for change in changes if change.counter in LENGTHS}
+    others = {change.cell for change in changes if change.counter not in {"cell", *LENGTHS}} - {change.cell for change in work}
+    named = (("counters", others), ("the envelope alone", swept - others))
+    parts += [f"{what} changed in {counted(len(cells), 'cell')}" for what, cells in named if cells]
     if added := [change for change in changes if change.is_new]:
         parts.append(f"new, with nothing to compare: {cell_words(added[0].cell)}{_and_more(added)}")
     return parts
