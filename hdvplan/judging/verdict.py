@@ -17,7 +17,7 @@ from hdvplan.road.road import Road
 from hdvplan.texts import place_text
 
 _NO_MORE_M = 0.005  # to spare: 0.00 m in a sentence
-_CENTI, _TENTHS = 100.0, 10.0  # of a metre and of a degree, to which what a driver may err is rounded down
+_MILLI, _CENTI, _TENTHS = 1e3, 100.0, 10.0  # of a metre, and of a degree; what a driver may err is rounded down
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,12 @@ def stray_text(error: float) -> str:
     return f"{np.floor(error * _CENTI) / _CENTI:.2f} m"
 
 
+def _lacking_text(result: Result) -> str:
+    """Return what a plan that counts as keeping its limits lacks; "" of one that lacks no millimetre."""
+    lacking = result.case.settings.clearance - (result.balance.min_clearance or 0.0)
+    return f": {_MILLI * lacking:.0f} mm are lacking, of which up to {_MILLI * KEPT_M:.0f} count as kept" if _MILLI * lacking >= 1.0 else ""
+
+
 def tracking_line(result: Result) -> str:
     """Return how far the driver may stray from a plan that keeps the street, and what decides that, as one line; "" without limits."""
     tracking = result.tracking
@@ -170,7 +176,7 @@ def tracking_line(result: Result) -> str:
         f"holds while the driver keeps the front axle within {stray_text(tracking.error)} of the path, "
         f"its course within {course:.1f} degrees, without slip"
         if tracking.error * _CENTI >= 1.0
-        else "leaves the driver no room to stray"
+        else f"leaves the driver no room to stray{_lacking_text(result)}"
     )
     if not tracking.decided:
         return f"{held}; of more nothing is known"

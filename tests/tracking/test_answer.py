@@ -162,3 +162,12 @@ def test_a_plan_with_a_millimetre_to_spare_leaves_its_driver_no_room(straight: R
     assert tracking_line(planned(straight.drive.road.with_limits(half, half))).startswith(
         "leaves the driver no room to stray; decided at s = "
     )
+
+
+def test_a_plan_that_lacks_millimetres_says_that_they_count_as_kept(straight: Result) -> None:
+    half = 0.5 * straight.drive.vehicle.width - 4e-3
+    result = planned(straight.drive.road.with_limits(half, half))
+    assert verdict_of(result).fits is True
+    assert tracking_line(result).startswith(
+        "leaves the driver no room to stray: 4 mm are lacking, of which up to 10 mm count as kept; decided"
+    )
