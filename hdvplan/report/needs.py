@@ -12,6 +12,7 @@ from rich.table import Table
 
 from hdvplan.answers import NEEDS, NO, YES, worded
 from hdvplan.fileio import Together, json_bytes
+from hdvplan.judging.balance import KEPT_M
 from hdvplan.judging.result import Result, body_name
 from hdvplan.judging.verdict import proof_text, tracking_line
 from hdvplan.need.answer import Need, Place
@@ -293,5 +294,7 @@ def _sheet(need: Need, shown: Result, options: SheetOptions) -> bytes:
         f"s = {patch.s_from:z.0f} to {patch.s_to:z.0f} m {patch.side}, {_area_text(patch.polygon.area)}, {patch.depth:.2f} m deep"
         for patch in widened.patches
     ]  # fmt: skip
-    rows, then = (("to widen", "; ".join(patches)),) if patches else (), None if widened is None else widened.then
+    crosses = (shown.balance.min_clearance or 0.0) < -KEPT_M  # what is to be cut is enlarged; else the room once the street is widened
+    then = None if widened is None or crosses else widened.then
+    rows = (("to widen", "; ".join(patches)),) if patches else ()
     return sheet_bytes(shown, options, answer=Answer(need.fits, text, details, need_features(need, shown), rows, then))
