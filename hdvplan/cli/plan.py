@@ -106,9 +106,7 @@ def plan(
     asked = _Asked(road, room.reaches(), reading, settings, options, output, more)
     output.drawn_on()  # a sheet or a format that cannot be is told before anything is read
     output.kinds()
-    if (meeting := meeting_of(options)) is not None:
-        s_from, s_to = meeting
-        note(f"holds while the other vehicle stays between s = {s_from:z.1f} and {s_to:z.1f} m, as this one drives", quiet=output.quiet)
+    meeting_of(options)
     check_folder(output.out)
     from hdvplan.planning.settings import check_objective
     from hdvplan.solvers.registry import check_solver

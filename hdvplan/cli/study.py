@@ -167,11 +167,11 @@ def _ranking(results: Results) -> list[Table]:
     rows = [
         (
             str(row["road"]), number(row["s_m"], 1), number(row["lat"], 5), number(row["lon"], 5), number(row["half_width_m"], 2),
-            number(row["widening_m"], 2), str(row["vehicles"]), str(row["which_vehicles"]),
+            number(row["widening_m"], 2), str(row["roads"]), str(row["vehicles"]), str(row["which_vehicles"]),
         )
         for row in ranking.head(_PLACES).to_dict("records")
     ]  # fmt: skip
-    columns = ("road", "s [m]", "lat", "lon", "half width [m]", "widening [m]", "vehicles", "which")
+    columns = ("road", "s [m]", "lat", "lon", "half width [m]", "widening [m]", "roads", "vehicles", "which")
     rest = len(ranking) - len(rows)
     caption = f"and {rest} more in ranking.csv and map.html" if rest else None
     return [grid("places that need the least widening", columns, rows, text=("road", "which"), one_line=("which",), caption=caption)]

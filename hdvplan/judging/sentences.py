@@ -9,6 +9,8 @@ from hdvplan.judging.clearance import Approach
 from hdvplan.judging.result import Result, body_name
 from hdvplan.road.regions import called, limit_called
 
+_NAMED = 3  # obstacles in a sentence; more are counted
+
 
 def solver_texts(result: Result) -> list[str]:
     """Return a sentence for each way in which the solver that was asked for did not plan the whole drive; none where it did."""
@@ -22,6 +24,13 @@ def solver_texts(result: Result) -> list[str]:
         where = f"first at s = {at[first.first]:z.1f} m" + (f" ({first.reason})" if first.reason else "")
         texts.append(f"{len(result.failed)} of {steps} planning steps were not solved, {where}: the vehicle followed the last plan")
     return texts
+
+
+def passed_texts(result: Result) -> list[str]:
+    """Return on which side the first obstacles are passed, in order of s."""
+    sides = [f"{called(one.obstacle.label)} on the {one.side}" for one in result.passed]
+    more = f" and {len(sides) - _NAMED} more" if len(sides) > _NAMED else ""
+    return [f"passes {', '.join(sides[:_NAMED])}{more}"] if sides else []
 
 
 def farther_texts(result: Result) -> list[str]:

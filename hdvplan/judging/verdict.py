@@ -11,7 +11,7 @@ from hdvplan.case import Case
 from hdvplan.judging.balance import KEPT_M, Place, places_of
 from hdvplan.judging.bodies import contact
 from hdvplan.judging.result import Proof, Result, body_name
-from hdvplan.judging.sentences import farther_texts
+from hdvplan.judging.sentences import farther_texts, passed_texts
 from hdvplan.road.regions import OPEN_M, called, limit_called
 from hdvplan.road.road import Road
 from hdvplan.texts import place_text
@@ -106,8 +106,9 @@ def verdict_details(result: Result, verdict: Verdict, of: str = "") -> str:
         parts.append("the road has no limits")
     elif not verdict.fits:
         parts += [text for text in (_wheels(result, verdict), _hit(result, verdict), _known(result, verdict)) if text]
-    parts += farther_texts(result)
-    return "; ".join(parts)
+    met = _meeting(result.drive.road)
+    parts += [f"holds{met}"] if verdict.fits and met else []
+    return "; ".join([*parts, *passed_texts(result), *farther_texts(result)])
 
 
 def verdict_text(result: Result, verdict: Verdict) -> str:
@@ -187,7 +188,8 @@ def tracking_line(result: Result) -> str:
 def verdict_title(result: Result, verdict: Verdict) -> str:
     """Return the verdict as a short title: vehicle, word, amount and place."""
     place = "" if verdict.fits is None or verdict.strays is not None else f" at s = {verdict.s:z.0f} m"
-    return f"{result.drive.vehicle.name} on {result.drive.road.name}: {short_verdict(verdict)}{place}{_meeting(result.drive.road)}"
+    beside = _meeting(result.drive.road).partition(",")[0]
+    return f"{result.drive.vehicle.name} on {result.drive.road.name}: {short_verdict(verdict)}{place}{beside}"
 
 
 def short_verdict(verdict: Verdict) -> str:

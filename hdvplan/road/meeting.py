@@ -54,7 +54,7 @@ def beside_swept(road: Road, folder: Path, between: tuple[float, float] | None =
         s_from, s_to = _stretch(between, road.path.length, folder)
         area = shapely.intersection(area, shapely.buffer(Line.of(road.path).between(s_from, s_to), OPEN_M, cap_style="flat"))
         stretch = f"between s = {s_from:z.1f} and {s_to:z.1f} m"
-        where, told = f"{road.name} {stretch}", f"{name}, met {stretch}"
+        where, told = f"{road.name} {stretch}", f"{name}, which stays {stretch} until this one has passed"
     regions = tuple(Region(Kind.OBSTACLE, polygon, label, plan=told) for polygon in polygons_of(area))
     beside = tuple(region for region, apart in zip(regions, distances(road.path, regions), strict=True) if apart <= OPEN_M)
     if not beside:

@@ -44,6 +44,7 @@ WORDS = ("road", "vehicle", "side", "unit", "part", "obstacle", "which_vehicles"
 MOST_CELLS = 10_000  # a workbook is written from memory as a whole
 _DECIDES = ["s_m", "lat", "lon", "side", "unit", "part", "obstacle"]
 _OPTIONS = ["objective", "scheme", "solver", "offset_m", "reverse", "pass", "settings_clearance"]
+_KEPT = ["clearance_wanted_m", "tracking_error_m"]
 _LATER = 1e9  # what counts as lacking where there is no plan
 
 
@@ -163,7 +164,7 @@ def write_workbook(path: Path, cells: Path, varied: tuple[str, ...]) -> None:
     if not 0 < file.metadata.num_rows <= MOST_CELLS:
         path.unlink(missing_ok=True)
         return
-    wanted = ["road", "vehicle", *varied, *_WIDTH, "word", "spare_m", "tracking_error_m", "verdict_half_width_m", *_DECIDES, *_OPTIONS]
+    wanted = ["road", "vehicle", *varied, *_WIDTH, "word", "spare_m", *_KEPT, "verdict_half_width_m", *_DECIDES, *_OPTIONS]
     table = file.read([*wanted, "outcome", "reason", "verdict"]).to_pandas()
     table.insert(2, "answer", table.pop("word").fillna(table["outcome"]))
     listed = table.drop(columns=["outcome"]).dropna(axis="columns", how="all")
@@ -205,6 +206,8 @@ def _cell(record: dict[Hashable, Any]) -> str:
     answer, spare = str(record["answer"]), float(record["spare_m"])
     if answer == NEEDS:
         return needs_text(record["verdict_half_width_m"])
+    if answer == YES and pd.isna(record[_CLEARANCE]) and record["clearance_wanted_m"] > 0.0:  # as much as can be kept was asked for
+        return f"{answer}, {record['clearance_wanted_m'] + spare:.2f} m kept"
     return answer if np.isnan(spare) else f"{answer}, {room_text(spare, fits=answer == YES)}"
 
 

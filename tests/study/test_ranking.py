@@ -150,6 +150,13 @@ def test_a_workbook_has_roads_by_vehicles_and_every_cell(tmp_path: Path) -> None
     assert listed["spare_m"] == pytest.approx([1.25, -0.06, np.nan, np.nan], nan_ok=True)  # numbers, not words
 
 
+def test_a_workbook_says_how_much_room_is_kept_where_as_much_as_can_be_was_asked_for(tmp_path: Path) -> None:
+    kept = {"word": YES, "spare_m": -0.004, "clearance_wanted_m": 0.82}
+    cells = [_read_cell("lane", "bus", **kept), _read_cell("lane", "van", **kept, settings_clearance=0.82)]
+    matrix = _sheets(tmp_path, cells)["roads by vehicles"]
+    assert (matrix["bus"], matrix["van"]) == ([f"{YES}, 0.82 m kept"], [f"{YES}, {room_text(-0.004, fits=True)}"])
+
+
 def test_of_several_settings_the_best_answer_stands_in_the_row_of_its_width(tmp_path: Path) -> None:
     widths = ({"half_width_m": half, "left_m": half, "right_m": half} for half in (2.0, 3.0))
     cells = [
